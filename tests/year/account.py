@@ -293,6 +293,8 @@ class Line:
         """Writes that have not left."""
         self.may_abort = False
         """It cuts through: a frame that has begun to leave may have to be aborted."""
+        self.is_swapped = False
+        """Its drives are behind another device: what the gateway sends goes to a controller."""
         self.troubled_ns = 0
         self.left = 0
         """Frames that have left since the process began."""
@@ -339,6 +341,9 @@ class Account:
             is_held = request.axis is not None and any(each.is_blocked for each in request.axis.members)
             if all(frame.reply != pdu for frame in frames) and not is_held:
                 self._need_trouble(line, "refused-for-nothing", request, f"with {pdu[1]:#04x}")
+            return
+        if not frames and line.is_swapped:
+            self.book.seen["requests of another wire taken for replies"] += 1
             return
         if not frames:
             self.book.find("reply-from-nowhere", f"{_text(request)}: {pdu.hex(' ')}, and it never left")

@@ -23,6 +23,8 @@ TIMES: Final = {
     "reset": 1.0,
     "stall": 1.0,
     "unplug": 0.5,
+    "swap-adapters": 0.5,
+    "other-drives": 0.5,
     "drive-off": 0.5,
     "reboot": 1.0,
     "zero-shift": 0.5,

@@ -182,6 +182,12 @@ _WIRES: Final[dict[str, Wire]] = {}
 """By the device at the side of the process."""
 
 
+def exchange(one: Wire, other: Wire) -> None:
+    """Their adapters change names: behind the device of one there is the wire of the other from now on."""
+    names = {wire: name for name, wire in _WIRES.items()}
+    _WIRES[names[one]], _WIRES[names[other]] = other, one
+
+
 def open_port(endpoint: SerialEndpoint, kept: int | None = None) -> tuple[Any, real_devices.Opened]:
     """See ``gateway.transport.devices``."""
     wire = _WIRES.get(endpoint.device)

@@ -19,6 +19,7 @@ from gateway.relay.run import run_relay
 from gateway.state.folder import StateError
 from gateway.state.plan import ControllerLink, GatewayPlan, LinePlan, read_plan
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
+from tests.ledger.drives import Drive
 from tests.ledger.frames import open_mbap, open_rtu
 from tests.ledger.layouts import Layout, Style, axis_plan
 from tests.ledger.screws import Screw, random_screw
@@ -44,7 +45,7 @@ from tests.year.homing import HomedDrive, with_homing
 from tests.year.loop import LogAtOnce, SimulatedLoop
 from tests.year.machine import MS, KilledError, S, SpinningError
 from tests.year.network import Address, Network, Peer
-from tests.year.serial_ports import Wire
+from tests.year.serial_ports import Wire, exchange
 from tests.year.supervisor import TABLES, Supervisor, table_name
 from tests.year.system import MACHINE
 
@@ -99,7 +100,7 @@ class World:
         self.faults = Faults(seed, level, without)
         self._network = Network(MACHINE, random.Random(f"{seed} network"), self._tell_tcp)
         self._disk = Disk(folder)
-        self._is_over = False
+        self._is_over = self._are_others = False
         jobs = random.Random(f"{seed} jobs")
         self._xy_job, self._z_job = jobs.choice(XY_JOBS), jobs.choice(Z_JOBS)
         layouts = (*self._xy_job.layouts, *self._z_job.layouts)
@@ -241,6 +242,8 @@ class World:
             "reset": self._reset,
             "stall": self._stall,
             "unplug": self._unplug,
+            "swap-adapters": self._swap_adapters,
+            "other-drives": self._answer_by_others,
             "drive-off": self._drive_off,
             "reboot": self._reboot,
             "zero-shift": self._shift_zero,
@@ -290,6 +293,52 @@ class World:
         wire.plug(is_plugged=False)
         MACHINE.after(ns, partial(wire.plug, is_plugged=True))
         return True
+
+    def _swap_adapters(self, rng: random.Random) -> bool:
+        """Both adapters vanish, and come back by the name of the other one, for a while."""
+        wires = self._drives_wire, self._cnc_wire
+        if self.xy.is_swapped or not all(wire.is_plugged for wire in wires):
+            return False
+        ns = int(rng.uniform(5.0, 60.0) * S)
+        self._trouble("swap-adapters", ns)
+        self.xy.is_swapped = True
+        heard = self._cnc_wire.heard
+        self._cnc_wire.heard = lambda _data: None  # no reply to the controller: what the gateway asks drives
+        self._change_names()
+        MACHINE.after(ns, self._change_names)
+        MACHINE.after(ns, setattr, self._cnc_wire, "heard", heard)
+        MACHINE.after(ns, setattr, self.xy, "is_swapped", False)
+        return True
+
+    def _change_names(self) -> None:
+        for wire in (self._drives_wire, self._cnc_wire):
+            wire.plug(is_plugged=False)
+            MACHINE.after(S, partial(wire.plug, is_plugged=True))
+        exchange(self._drives_wire, self._cnc_wire)
+
+    def _answer_by_others(self, rng: random.Random) -> bool:
+        """Behind the address of the drives there are others of the same kind, for a while."""
+        if self._are_others:
+            return False
+        ns = int(rng.uniform(5.0, 60.0) * S)
+        self._trouble("other-drives", ns)
+        self._are_others = True
+        own = {axis: axis.drive for axis in self.z.axes.values()}
+        for axis in own:
+            is_homed = isinstance(axis.drive, HomedDrive)
+            self._replace_drive(axis, make_drive(axis.layout, MACHINE, rng, is_homed=is_homed))
+        for axis, drive in own.items():
+            MACHINE.after(ns, self._replace_drive, axis, drive)
+        MACHINE.after(ns, setattr, self, "_are_others", False)
+        return True
+
+    def _replace_drive(self, axis: Axis, drive: Drive) -> None:
+        for stream in list(self._network.streams):
+            if isinstance(stream.peer, TcpDrives):
+                stream.peer.close(is_reset=True)
+        axis.drive = drive
+        axis.move_unseen()
+        self._trouble(f"other drive of {axis.name}")
 
     def _drive_off(self, rng: random.Random) -> bool:
         bus = rng.choice(tuple(self._buses.values()))
