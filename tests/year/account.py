@@ -415,7 +415,9 @@ class Account:
         if request is not None:
             line.waiting.remove(request)
             request.frame = frame
-            frame.is_unheard = self._is_late(axis, request)
+            # Its time-out counts from before the process waited for the disk.
+            is_behind_store = self._machine.now_ns - self._machine.slow_ns <= LATE_NS
+            frame.is_unheard = self._is_late(axis, request) or is_behind_store
         elif frame.parsed.write is None:
             book.seen["added reads"] += 1
         elif axis is not None and axis.layout.is_staged and self._is_restaged(axis, frame):
@@ -507,7 +509,8 @@ class Account:
         """The next frame leaves: what was not acknowledged before may have been done or not."""
         if line.frames:
             before = line.frames[-1]
-            if before.is_acknowledged and before.axis is not None and before.axis.flow is not None:
+            is_heard = before.is_acknowledged and not before.is_unheard
+            if is_heard and before.axis is not None and before.axis.flow is not None:
                 before.axis.flow.acknowledged()
             if before.parsed.write is not None and not before.is_acknowledged and before.axis is not None:
                 before.axis.doubt()
@@ -694,6 +697,7 @@ class Account:
             is_known = axis.place is not None and not (axis.made_with.is_plain or axis.correction.is_plain)
             # A group is restored whole: while one of it is silent, the others are not told either.
             is_silent = is_known and not axis.is_told and axis.group is None and axis.is_referenced
+            is_silent &= not self._machine.is_dead
             return "it begins without its record, and does not say so" if is_silent else ""
         if axis.sure > 1 and not axis.is_flagged and corrected == axis.words and axis.place is not None:
             self.book.seen["exact readings"] += 1

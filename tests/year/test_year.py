@@ -20,18 +20,29 @@ HAPPENS = (
     "process was killed at a store",
     "fault power-cut",
     "fault unplug",
+    "setpoints on one branch",
+    "event axis-referenced",
+    "event reference-lost",
+    "event group-skewed",
+    "fault reboot",
+    "fault other-drives",
+    "fault swap-adapters",
+    "fault slow-store",
+    "plans for which the disk was full",
 )
 
 
-@pytest.mark.parametrize(("seed", "is_cut"), [(1, True), (5, False)])
+@pytest.mark.parametrize(("seed", "is_cut"), [(9, True), (5, False)])
 def test_a_calm_machine_moves_right_and_answers_everything(seed: int, is_cut: bool) -> None:
     result = play_seed(seed, 40.0, "none")
     assert result.finding == ""
     assert result.seen["processes"] == 1
     assert "unanswered" not in result.seen
     assert result.seen["exchanges"] > 10 * 40 * 0.8
-    # All moves but the first of each of the four axes, repeats of a target, and turns on the way.
-    assert result.seen["certain moves"] > 0.9 * result.seen["moves"]
+    # All moves but the first of each of the four axes, repeats of a target, and turns on the way; a setpoint
+    # of a stream is no move of its own.
+    moves = result.seen["moves"] - result.seen.get("setpoints", 0)
+    assert result.seen["certain moves"] > 0.9 * moves
     assert (result.seen.get("requests cut through", 0) > 10) is is_cut
 
 
