@@ -214,6 +214,8 @@ class Axis:
         self.is_referenced = True
         self.is_decided = True
         """This process has said whether it goes on from its record; True: it is the first."""
+        self.read_late: set[int] = set()
+        """When reads left that the process had begun before it waited for the disk."""
         self.told = 0
         """How often its reference was reported as found or lost, or a process began."""
         self.is_blocked = False
@@ -400,6 +402,8 @@ class Account:
             self._no_frame(line, data)
             return
         frame = Frame(*opened, data, began_ns)
+        # Its time-out counts from before the process waited for the disk.
+        frame.is_unheard = self._machine.now_ns - self._machine.slow_ns <= LATE_NS
         book.seen["exchanges"] += 1
         line.left += 1
         book.note(f"to {line.name} {frame.unit}", frame.pdu)
@@ -415,9 +419,7 @@ class Account:
         if request is not None:
             line.waiting.remove(request)
             request.frame = frame
-            # Its time-out counts from before the process waited for the disk.
-            is_behind_store = self._machine.now_ns - self._machine.slow_ns <= LATE_NS
-            frame.is_unheard = self._is_late(axis, request) or is_behind_store
+            frame.is_unheard |= self._is_late(axis, request)
         elif frame.parsed.write is None:
             book.seen["added reads"] += 1
         elif axis is not None and axis.layout.is_staged and self._is_restaged(axis, frame):
@@ -575,6 +577,8 @@ class Account:
             return
         if frame.parsed.read == (axis.layout.actual, 2):
             axis.readings.append((frame.sent_ns, axis.layout.join(_pair(reply[2:]))))
+            if frame.is_unheard:
+                axis.read_late.add(frame.sent_ns)
         for operation in operations:
             self._ran(axis, frame, operation)
 
