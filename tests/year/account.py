@@ -562,7 +562,7 @@ class Account:
 
     def taken(self, line: Line, unit: int, pdu: bytes, data: bytes) -> Frame | None:
         """A drive takes a frame: return it as it left; None if it never did, or twice."""
-        for frame in line.frames:
+        for frame in reversed(line.frames):  # an equal one of before may never have come to it
             if frame.data == data and not frame.is_taken:
                 frame.is_taken = True
                 return frame
