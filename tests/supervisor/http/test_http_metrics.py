@@ -519,13 +519,13 @@ CASES: list[tuple[dict[str, Any], dict[str, Any], str]] = [
         "PitchGatewayTableRejected",
     ),
     (
-        model(snapshot(axis={"compensation": "off"})),
-        {"axis": "x", "state": "off"},
+        since_then(model(snapshot(axis={"compensation": "off"}))),
+        {"kind": "off", "where": "axis x"},
         "PitchGatewayAxisNotCorrected",
     ),
     (
-        model(snapshot(axis={"compensation": "no-table"})),
-        {"axis": "x", "state": "no-table"},
+        since_then(model(snapshot(axis={"compensation": "no-table"}))),
+        {"kind": "no-table", "where": "axis x"},
         "PitchGatewayAxisNotCorrected",
     ),
     (
