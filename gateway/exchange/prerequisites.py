@@ -25,7 +25,9 @@ from gateway.exchange.render import (
     as_it_came,
     base_of,
     counts_from_commanded,
+    flagged,
     is_position_withheld,
+    may_have_passed,
     needs_actual,
     needs_poll,
     render,
@@ -188,6 +190,9 @@ def _prepare_run(request: Request, command: AxisCommand) -> AddedFrame | None:
     prefetched = request.prefetched
     rendering = prefetched.runs.get(name)
     if rendering is None and (fixed := _fixed_run(command)) is not None:
+        actual = axis.motion.actual
+        if actual is not None and may_have_passed(axis, fixed.corrected_counts, actual, request.now_ns):
+            fixed = flagged(fixed)  # it moved when its words were fixed, and may come from the other side now
         rendering = prefetched.runs[name] = fixed
     if rendering is None:
         added = _read_back(request, command)

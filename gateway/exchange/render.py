@@ -116,7 +116,7 @@ def render(
     try:
         move = _plan_move(axis, counts_of(field_, raw), seen, is_kept=is_kept)
         if move.state.is_unsure and unacknowledged is not None:
-            return _flagged(unacknowledged)  # no better knowledge: the same target keeps its words (M4)
+            return flagged(unacknowledged)  # no better knowledge: the same target keeps its words (M4)
         corrected_words = nominal_words
         if move.correction_counts:
             corrected_words = field_.pack(raw + steps_of(field_, move.correction_counts))
@@ -286,11 +286,12 @@ def _is_unacknowledged(unacknowledged: Rendering, number: int, nominal_words: by
     return is_same and not unacknowledged.is_distance
 
 
-def _flagged(unacknowledged: Rendering) -> Rendering:
+def flagged(rendering: Rendering) -> Rendering:
     """Return the same words as before, with a branch that is only assumed now."""
-    move = unacknowledged.move
-    assert move is not None
-    return unacknowledged._replace(move=move._replace(state=move.state._replace(is_unsure=True)))
+    move = rendering.move
+    if move is None:
+        return rendering
+    return rendering._replace(move=move._replace(state=move.state._replace(is_unsure=True)))
 
 
 def _plan_move(
@@ -337,7 +338,7 @@ def _plan_move(
         )
     move = compensation.plan(nominal_counts, estimate, now_ns)
     if is_by_reading and fresh is not None:
-        is_doubtful |= _may_have_passed(axis, nominal_counts + move.correction_counts, fresh, now_ns)
+        is_doubtful |= may_have_passed(axis, nominal_counts + move.correction_counts, fresh, now_ns)
     return move._replace(state=move.state._replace(is_unsure=True)) if is_doubtful else move
 
 
@@ -376,7 +377,7 @@ def _may_run(axis: Axis, actual: Actual) -> bool:
     return axis.motion.state is MotionState.UNKNOWN and not axis.motion.may_stand(actual.seen_ns)
 
 
-def _may_have_passed(axis: Axis, corrected_counts: Counts, fresh: Actual, now_ns: int) -> bool:
+def may_have_passed(axis: Axis, corrected_counts: Counts, fresh: Actual, now_ns: int) -> bool:
     """Whether an axis that moves may have passed its new target since it was read (M6).
 
     On its way to the last target it moves in one direction only, and no further than that.

@@ -1303,3 +1303,25 @@ def test_an_axis_that_has_lost_nothing_waits_for_one_that_has() -> None:
     request = frame_of(RUN, 60_000)
     for unit_id, reply in ((1, bytes.fromhex("90 04")), (2, request[:5]), (1, request[:5])):
         assert bench.ask(request, unit_id=unit_id) == reply
+
+
+@pytest.mark.parametrize(("waits_ms", "is_flagged"), [(20, False), (60, True)])
+def test_m11_an_axis_that_passed_its_target_before_its_own_trigger_is_flagged(
+    waits_ms: int, is_flagged: bool
+) -> None:
+    """Both move at 200 mm/s, and are read 10 mm before their new target: in 60 ms they go 12 mm."""
+    bench = GantryBench(max_speed=200.0)
+    for counts in (10_000, 20_000):
+        bench.stage_all(counts)
+        bench.run(1, 2)
+        bench.settle()
+    bench.stage_all(90_000)
+    bench.run(1, 2)
+    for drive in bench.drives.values():
+        drive.pass_by(30_000)
+    bench.poll(read(ACTUAL))
+    bench.stage_all(40_000)
+    bench.run(1)
+    bench.wait(waits_ms)
+    assert bench.run(2) == [40_010, 40_010]
+    assert bench.line.axes[1].is_unsure is is_flagged
