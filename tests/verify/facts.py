@@ -536,8 +536,6 @@ def judge(
         said = after[number]
         _judge_reference(world, number, said)
         is_off = said.compensation in ("off", "shadow")
-        if said.compensation == "blocked":  # said first: it refuses triggers, switched off or not
-            is_off = not world.state.is_wanted
         if "remap" not in world.design.menu and is_off is world.state.is_wanted:
             raise BrokenRuleError(f"it is said: {said.compensation}, whatever was switched (8)")
         _judge_block(world, number, said)

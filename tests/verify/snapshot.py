@@ -715,11 +715,21 @@ def said(line: LineExchange) -> tuple[Said, ...]:
     return tuple(said_of(axis) for axis in line.axes)
 
 
+def _state_apart_from_block(axis: Axis) -> str:
+    """Return what decides where targets go; that triggers are refused is said apart."""
+    state = compensation_state(axis)
+    if state != "blocked":
+        return state
+    if not axis.correction.is_enabled:
+        return "off"
+    return state if axis.reference.is_referenced else "unreferenced"
+
+
 def said_of(axis: Axis) -> Said:
     """Return what a line says of one of its axes, as its status does."""
     accepted = axis.compensation.accepted
     return Said(
-        compensation_state(axis),
+        _state_apart_from_block(axis),
         direction_state(axis),
         axis.reference.is_referenced,
         axis.reference.was_reported,
