@@ -239,7 +239,7 @@ class Supervisor:
         still = self._watch.still
         is_new, self._is_relay_new = self._is_relay_new, False
         if is_reload:
-            work = partial(self._reloader.reload, None if is_asked else still, watched=still)
+            work = partial(self._reloader.reload, None if is_asked else still)
         elif is_retry:
             work = partial(self._reloader.retry, still)
         else:

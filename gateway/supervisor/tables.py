@@ -7,7 +7,7 @@ import tomllib
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from gateway.clock import wall_s
 from gateway.config.compile import compile_into_state, keys_of, sources_of
@@ -29,14 +29,13 @@ from gateway.state.last_good import last_plan
 from gateway.state.plan import CompiledPlan, LinePlan, TablesFolder, shape_of, write_tables
 from gateway.state.tables import digest_of
 from gateway.status.axis import AxisStatus
-from gateway.supervisor.debounce import STILL_UNSEEN_S, FileStamp
+from gateway.supervisor.debounce import FileStamp
 from gateway.supervisor.file_stamps import scan
 from gateway.supervisor.outcome import ReloadOutcome
 from gateway.times import NS_PER_S
 
 Still = Mapping[str, FileStamp | None]
 """The stamp of each stable table file, by name; None: the file is changing."""
-NOT_WATCHED: Final[Still] = {}
 
 
 class NeedsRestartError(StateError):
@@ -63,20 +62,20 @@ class Reloader:
         """Name of the table file of each axis that has one, from the configuration."""
         return {} if self.loaded is None else _names(self.loaded)
 
-    def reload(self, still: Still | None = None, *, watched: Still = NOT_WATCHED) -> ReloadOutcome:
+    def reload(self, still: Still | None = None) -> ReloadOutcome:
         """Read the configuration and its tables again, and apply what has changed.
 
-        A table file that is being written does not count yet. Where the system does not tell, one that has
-        just changed does not count either, unless ``watched`` shows that it is stable. ``still`` is given
-        when no user asked for the reload. Then a file also does not count if its stamp differs from
-        ``still``, or if it is missing and that was not known.
+        A table file that is being written does not count yet. Where the system does not tell who writes, the
+        file counts if a user asked for the reload: then it is complete. ``still`` is given when no user
+        asked. Then a file does not count if its stamp differs from ``still``, if it is missing and that was
+        not known, or if it has just changed.
         """
         self._owed = None
         try:
             configured = load(self._config, forgives_tables=True)
         except ConfigErrors as errors:
             return self._refused(_of_configuration(errors))
-        return self._take_configured(configured, still, watched)
+        return self._take_configured(configured, still)
 
     def retry(self, still: Still) -> ReloadOutcome:
         """Apply the configuration that :meth:`reload` could not apply, as it was read then."""
@@ -112,12 +111,10 @@ class Reloader:
         except ConfigErrors as errors:
             return _of_configuration(errors)
 
-    def _take_configured(
-        self, configured: Loaded, still: Still | None, watched: Still = NOT_WATCHED
-    ) -> ReloadOutcome:
+    def _take_configured(self, configured: Loaded, still: Still | None) -> ReloadOutcome:
         before = self.loaded
         try:
-            outcome = self._take(configured, still, last_plan(configured.state_folder), watched=watched)
+            outcome = self._take(configured, still, last_plan(configured.state_folder))
         except ConfigErrors as errors:
             outcome = replace(_of_configuration(errors), is_owed=True)
         self._owed = configured if outcome.is_owed else None
@@ -151,7 +148,6 @@ class Reloader:
         still: Still | None,
         before: CompiledPlan | None,
         *,
-        watched: Still = NOT_WATCHED,
         keeps_plan: bool = False,
     ) -> ReloadOutcome:
         """Read the tables and bring everything up to date; ``before`` is the last compiled plan."""
@@ -162,9 +158,7 @@ class Reloader:
         read = {
             name: stamp
             for name, stamp in seen.items()
-            if stamp == seen_after[name]
-            and not stamp.is_being_written
-            and (watched.get(name) == stamp or _may_count(name, stamp, still))
+            if stamp == seen_after[name] and not stamp.is_being_written and _may_count(name, stamp, still)
         }
         unread = {axis for axis, name in names.items() if name not in read}
         folder_before = None if before is None else before.tables_folder
@@ -244,8 +238,10 @@ def _may_count(name: str, stamp: FileStamp, still: Still | None) -> bool:
     """Whether a file with this stamp counts; one that was not watched so far counts if it exists."""
     if still is not None and name in still:
         return still[name] == stamp
+    if still is None:  # a user asked, and says with that what is there and complete
+        return True
     if not stamp.is_there:
-        return still is None
+        return False
     return stamp.is_being_written is not None or wall_s() - stamp.changed_ns / NS_PER_S >= stamp.still_s
 
 
@@ -256,10 +252,6 @@ def _saving(loaded: Loaded, seen: Mapping[str, FileStamp], waiting: Collection[s
         stamp = seen[reading.name]
         if stamp.is_being_written:
             why = "a program has it open for writing; close it there"
-        elif stamp.is_being_written is None:
-            why = (
-                f"it has just changed, and the system does not tell who writes it; wait {STILL_UNSEEN_S:g} s"
-            )
         else:
             why = "it is just being saved; wait a moment"
         yield f"{reading.path}: axis.{axis}.table: not taken yet: {why}, and it is taken when it is complete"

@@ -148,28 +148,28 @@ def unseen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("unseen")
-def test_a_file_that_has_just_changed_waits_where_nobody_tells_who_writes_it(
+def test_a_file_that_has_just_changed_waits_if_the_system_does_not_tell_who_writes_it(
     config: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     table(config).write_text(RAMP)
     changed_s = stamp(config).changed_ns / 1_000_000_000
     monkeypatch.setattr("gateway.supervisor.tables.wall_s", lambda: changed_s + 9.9)
     starting = Reloader(config)
-    for outcome in (starting.reload(), starting.reload({})):  # somebody asks; a supervisor starts
-        assert (outcome.is_refused, outcome.is_owed) == (True, True)
-    assert starting.reload(watched={"x.tab": stamp(config)}).problems == ()
-    assert largest(config) == 0.1
-    table(config).write_text(STEEPER)
-    outcome = starting.reload()
-    assert outcome.waiting == {"x"}
-    assert outcome.problems == ()
-    assert "x.tab: axis.x.table: not taken yet: it has just changed" in outcome.all_problems[0]
-    assert largest(config) == 0.1
-    changed_s = stamp(config).changed_ns / 1_000_000_000
+    outcome = starting.reload({})  # a supervisor starts
+    assert (outcome.is_refused, outcome.is_owed) == (True, True)
     table(config).chmod(0o640)  # a new owner, mode or name is no writing
     monkeypatch.setattr("gateway.supervisor.tables.wall_s", lambda: changed_s + 10.1)
-    assert starting.reload().waiting == frozenset()
-    assert largest(config) == 0.2
+    assert starting.reload({}).problems == ()
+    assert largest(config) == 0.1
+
+
+@pytest.mark.usefixtures("unseen")
+def test_a_user_who_asks_for_a_reload_says_with_that_that_the_file_is_complete(config: Path) -> None:
+    reloader = Reloader(config)
+    for text, most in ((RAMP, 0.1), (STEEPER, 0.2)):
+        table(config).write_text(text)
+        assert reloader.reload().problems == ()
+        assert largest(config) == most
 
 
 def test_a_supervisor_that_starts_while_the_file_is_away_takes_nothing_away(config: Path) -> None:
