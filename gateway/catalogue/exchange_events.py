@@ -88,7 +88,7 @@ REFERENCE_LOST: Final = EventEntry(
 DIRECTION_UNSURE: Final = EventEntry(
     "direction-unsure",
     Severity.WARNING,
-    "the position of the axis could not be determined: it keeps its branch of the table",
+    "the branch of the table is assumed, because the position of the axis is not known well enough",
     "the axis moved when a new target came, or its actual position is unreadable",
     "map `actual` and `bits.done` of the drive, set `max_speed`, and leave `safe_read` on",
 )

@@ -96,7 +96,7 @@ class AxisReports:
         if is_unsure is not self.reported_unsure:
             self.reported_unsure = is_unsure
             if is_unsure:
-                detail = "its position could not be determined; it keeps its branch"
+                detail = "its position is not known well enough; its branch is assumed"
                 if self._reach.is_unreadable:
                     detail += "; its drive refuses to report its actual position"
                 self.report(exchange_events.DIRECTION_UNSURE, detail)
