@@ -851,7 +851,9 @@ def test_w8_a_read_refused_twice_in_a_row_is_not_sent_again_until_the_link_comes
         assert bench.frames(write(COMMAND, counts)) == [write(COMMAND, counts + 410)]  # its branch is kept
         assert unsure(bench)
     told = [event.detail for event in bench.events if event.kind.name == "direction-unsure"]
-    why = "its position is not known well enough; its branch is assumed; its drive refuses to report its actual"
+    why = (
+        "its position is not known well enough; its branch is assumed; its drive refuses to report its actual"
+    )
     assert told == [f"{why} position"]
     bench.cut(100)
     # it stands at 150 mm
