@@ -50,7 +50,7 @@ TABLE_WAITING: Final = EventEntry(
     "a reload did not take a table file, because a program writes it or may write it; the table in force "
     "stays until then. `problems` gives file and reason",
     "a reload while a table is being saved, or a program that holds the file open",
-    "do what `problems` says. A table is taken by itself when its file is complete",
+    "do what `problems` says. The supervisor takes the table when its file is complete",
 )
 TABLE_MENDED: Final = EventEntry(
     "table-mended", Severity.INFO, "a faulty table file is good again", "the end of a `table-rejected`"

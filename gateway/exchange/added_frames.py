@@ -189,8 +189,8 @@ def homed_read(axis: Axis) -> AddedFrame | None:
 def trial_read(axes: Sequence[Axis], number: int = 0) -> AddedFrame | None:
     """Return a read that shows whether the drive of some axes is back; None: none is allowed.
 
-    ``number``: counts the trials that a converter answered. Each takes another register, because a drive may
-    answer for one of them with a code of its own that looks like that of a converter.
+    ``number``: of trials that a converter answered so far. Each trial reads another register, because a drive
+    may itself refuse one register with the code of a converter.
     """
     reads = list({read.pdu: read for read in _trial_reads(axes)}.values())
     return reads[number % len(reads)] if reads else None

@@ -247,7 +247,6 @@ def _block_for(command: AxisCommand, code: int) -> None:
             f"a target or its mode was lost (exception {code:#04x}): triggers are refused until a "
             "complete one was accepted; stops always pass"
         )
-        # A frame that only stages a target is a loss of its own axis: a released peer must not start without
-        # it.
+        # A lost frame that only stages a target blocks the whole group: no other axis may start without this.
         is_own = axis.blocked_by_peer is None or not command.runs_target
         axis.block_triggers(code, why, is_own=is_own)

@@ -324,9 +324,9 @@ def _plan_move(
         )
     else:
         estimate = estimate or _estimated_position(axis, nominal_counts, now_ns)
-    is_by_reading = estimate is None and fresh is not None
-    if estimate is None and fresh is not None:
-        estimate = _measured(axis, fresh)
+    used = fresh if estimate is None else None
+    if used is not None:
+        estimate = _measured(axis, used)
     if estimate is None and accepted is not None and not axis.plan.actual and "done" not in axis.plan.bits:
         # The position is unknown. The order of targets is the best estimate, and the result is flagged.
         estimate = PositionEstimate(accepted.nominal_counts, EstimateKind.ASSUMED)
@@ -337,8 +337,8 @@ def _plan_move(
             True,
         )
     move = compensation.plan(nominal_counts, estimate, now_ns)
-    if is_by_reading and fresh is not None:
-        is_doubtful |= may_have_passed(axis, nominal_counts + move.correction_counts, fresh, now_ns)
+    if used is not None:
+        is_doubtful |= may_have_passed(axis, nominal_counts + move.correction_counts, used, now_ns)
     return move._replace(state=move.state._replace(is_unsure=True)) if is_doubtful else move
 
 

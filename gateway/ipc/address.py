@@ -93,7 +93,7 @@ class SocketFile:
 
     @property
     def is_missing(self) -> bool:
-        """Whether another program has removed it: clients find nobody. The lock is still ours."""
+        """Whether another program has removed the socket: no client can connect. The lock is still held."""
         return bool(self._inode) and not os.path.lexists(self.path)
 
     def make_again(self) -> socket.socket:

@@ -246,9 +246,9 @@ class Session:
         self._answer(request)
 
     def _has_hung_up(self) -> bool:
-        """Whether the client has closed its end: it was told that nobody answers.
+        """Whether the client has closed its end, because it got no answer in time.
 
-        One that only sends no more, and waits for its answers, has not.
+        A client that only sends no more, and waits for its answers, has not closed it.
         """
         poll = select.poll()
         poll.register(self._connection, 0)  # POLLHUP is always reported

@@ -140,25 +140,31 @@ def test_a_start_says_once_that_the_run_before_lost_sight_of_the_axis(tmp_path: 
     assert Opened(path).told == []
 
 
-@pytest.mark.parametrize("size", [0, 1, SLOTS_AT[1] - 1])
-def test_a_file_that_is_cut_in_use_is_made_anew_and_holds_from_then_on(path: Path, size: int) -> None:
-    """A store into what is no part of the file any more would end the process."""
+def in_use(path: Path) -> tuple[LineBench, AxisRecord, list[str]]:
+    """Return a line whose axis keeps its record in a file, and has moved; its record; what was reported."""
     told: list[str] = []
-    record: list[AxisRecord] = []
+    records: list[AxisRecord] = []
 
     def attach(line: LineExchange) -> None:
-        record.append(AxisRecord(line.axes[0], path))
-        record[0].open(told.append)
+        records.append(AxisRecord(line.axes[0], path))
+        records[0].open(told.append)
 
     bench = LineBench(axis_plan(), before_up=attach)
     bench.memory.put(ACTUAL, 19_990)
     bench.move(30_000)
+    return bench, records[0], told
+
+
+@pytest.mark.parametrize("size", [0, 1, SLOTS_AT[1] - 1])
+def test_a_file_that_is_cut_in_use_is_made_anew_and_holds_from_then_on(path: Path, size: int) -> None:
+    """A store into what is no part of the file any more would end the process."""
+    bench, record, told = in_use(path)
     os.truncate(path, size)
     bench.move(40_000)
     assert [line for line in told if "was cut" in line] == [
         f"{path} was cut while it was in use; it is made anew, and holds from now on"
     ]
-    record[0].close()
+    record.close()
     opened = Opened(path)
     assert opened.saved is not None
     assert opened.saved.nominal_counts == 40_000
@@ -243,25 +249,16 @@ def test_a_record_that_could_not_be_kept_is_kept_as_soon_as_there_is_room(tmp_pa
 
 
 def test_a_file_that_was_cut_on_a_full_disk_holds_again_as_soon_as_there_is_room(path: Path) -> None:
-    told: list[str] = []
-    record: list[AxisRecord] = []
-
-    def attach(line: LineExchange) -> None:
-        record.append(AxisRecord(line.axes[0], path))
-        record[0].open(told.append)
-
-    bench = LineBench(axis_plan(), before_up=attach)
-    bench.memory.put(ACTUAL, 19_990)
-    bench.move(30_000)
+    bench, record, told = in_use(path)
     del told[:]
     os.truncate(path, 0)
     with full_disk():
         bench.move(40_000)
-        assert record[0].problem == f"{path} was cut, and File too large"
-    record[0].try_again(time.monotonic() + 1000.0)
-    assert (record[0].problem, len(told)) == ("", 2)
+        assert record.problem == f"{path} was cut, and File too large"
+    record.try_again(time.monotonic() + 1000.0)
+    assert (record.problem, len(told)) == ("", 2)
     bench.move(10_000)
-    record[0].close()
+    record.close()
     opened = Opened(path)
     assert opened.saved is not None
     assert opened.saved.nominal_counts == 10_000

@@ -267,7 +267,7 @@ class Axis:
         was_referenced = self.reference.is_referenced
         self.reference.happens(event)
         if self.reference.is_referenced is not was_referenced:
-            self.recall.find_reference_anew()
+            self.recall.note_other_reference()
         self._follow_reference(was_referenced=was_referenced)
 
     def _follow_reference(self, *, was_referenced: bool) -> None:
@@ -292,7 +292,7 @@ class Axis:
         was_referenced = self.reference.is_referenced
         self.reference.see_homed_bit(now_ns, is_set=is_set)
         if not is_set:
-            self.recall.find_reference_anew()
+            self.recall.note_other_reference()
         self._follow_reference(was_referenced=was_referenced)
 
     def begin_homing(self, now_ns: int, *, is_certain: bool) -> None:
@@ -300,7 +300,7 @@ class Axis:
         was_referenced = self.reference.is_referenced
         self.reference.begin_homing(now_ns, is_certain=is_certain)
         if not self.reference.is_referenced:
-            self.recall.find_reference_anew()
+            self.recall.note_other_reference()
         self._follow_reference(was_referenced=was_referenced)
 
     def lose_reference(self) -> None:

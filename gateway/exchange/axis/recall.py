@@ -80,7 +80,7 @@ class Recall:
         if readback.end is None and not self.reference.is_lost:
             self._at_start = readback
 
-    def find_reference_anew(self) -> None:
+    def note_other_reference(self) -> None:
         """Its reference is not that of the last run: what it reads is right."""
         self._at_start = None
 
