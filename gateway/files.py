@@ -20,6 +20,16 @@ _KINDS: Final = (
 )
 
 
+def _flags(*names: str) -> int:
+    """Return flags for ``os.open`` together, as far as this system has them (Windows lacks most)."""
+    return sum(getattr(os, name, 0) for name in ("O_CLOEXEC", "O_BINARY", *names))
+
+
+# Non-blocking: if the name has become a FIFO meanwhile, the open must not wait either.
+_READS: Final = os.O_RDONLY | _flags("O_NONBLOCK", "O_NOCTTY")
+_CREATES: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _flags()
+
+
 class FileRefusedError(Exception):
     """A file that is not read: what it is (``found``) and what to do (``remedy``)."""
 
@@ -58,8 +68,7 @@ def open_regular_file(path: Path, what: str) -> BinaryIO:
     """
     try:
         _refuse_irregular(path.stat(), what)
-        # Non-blocking: if the name has become a FIFO meanwhile, the open must not wait either.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC)
+        descriptor = os.open(path, _READS)
         file = open(descriptor, "rb")  # noqa: PTH123, SIM115 - a descriptor, and the caller closes it
         try:
             _refuse_irregular(os.fstat(descriptor), what)
@@ -92,7 +101,7 @@ def create(path: Path, mode: int = 0o600) -> int:
     Raises:
         OSError: it exists, or cannot be created.
     """
-    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, mode)
+    return os.open(path, _CREATES, mode)
 
 
 def write_file(path: Path, content: bytes, *, force: bool, is_secret: bool = False) -> None:
@@ -122,7 +131,7 @@ def write_file(path: Path, content: bytes, *, force: bool, is_secret: bool = Fal
         raise OSError(error.errno, f"folder {path.parent}: {error.strerror}") from None
     try:
         with os.fdopen(descriptor, "wb") as stream:
-            if existing is not None:
+            if existing is not None and hasattr(os, "fchown"):  # on Windows the folder gives the rights
                 _make_like(descriptor, existing, is_secret=is_secret)
             stream.write(content)
             stream.flush()

@@ -1,5 +1,7 @@
 """The commands of ``pitch-gateway``, each in its own file."""
 
+import platform
+import select
 import sys
 from collections import UserDict
 from importlib import import_module
@@ -43,6 +45,8 @@ COMMANDS: Final = (
 )
 """In the order of ``--help``. Each has its module in ``gateway.cli``, with a function of its name, or with an
 ``app`` if it has subcommands."""
+ANYWHERE: Final = frozenset({"status", "explain", "table", "drives"})
+"""Commands that need nothing of Linux: they run on Windows and macOS too."""
 
 
 class _Loaded(UserDict[str, Any]):
@@ -58,6 +62,8 @@ class _Loaded(UserDict[str, Any]):
 
 
 def _load(name: str) -> Any:
+    if not hasattr(select, "epoll") and name not in ANYWHERE:
+        return _not_here(name)
     module = import_module(f"gateway.cli.{name}")
     one = typer.Typer(rich_markup_mode="rich")
     if hasattr(module, "app"):
@@ -68,6 +74,26 @@ def _load(name: str) -> Any:
     for each in (command, *getattr(command, "commands", {}).values()):
         each.help = _flowing(each.help or "")
     return command
+
+
+def _not_here(name: str) -> Any:
+    """Return what takes the place of a command that needs Linux."""
+    one = typer.Typer()
+
+    @one.command(
+        name,
+        help="Only on Linux.",
+        context_settings={"ignore_unknown_options": True, "allow_extra_args": True},
+    )
+    def refuse() -> None:
+        system = platform.system()
+        sys.stderr.write(
+            f"error: pitch-gateway {name} needs Linux, and this is {system}; run it on the gateway's machine"
+            + (", or in WSL\n" if system == "Windows" else "\n")
+        )
+        raise typer.Exit(1)
+
+    return get_group(one).commands[name]
 
 
 def _flowing(text: str) -> str:

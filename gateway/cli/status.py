@@ -1,5 +1,6 @@
 """``pitch-gateway status CONFIG``, and ``pitch-gateway status URL…`` for many gateways."""
 
+import socket
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -79,6 +80,13 @@ def status(
 
 
 def _show_one(config: Path, *, watch: bool, as_json: bool) -> None:
+    if not hasattr(socket, "AF_UNIX"):
+        typer.echo(
+            f"{config}: only the gateway's own computer can ask by CONFIG; give the address of its page, "
+            "such as http://192.168.0.7:8480",
+            err=True,
+        )
+        raise typer.Exit(1)
     from gateway.cli import looking
     from gateway.ipc.client import NoRelayError
 

@@ -1,7 +1,6 @@
 """Locks in the state folder: one process of a kind for each folder, and one writer at a time."""
 
 import contextlib
-import fcntl
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -19,6 +18,8 @@ def take_lock(path: Path) -> int:
         BlockingIOError: another process has it.
         OSError: the file cannot be made.
     """
+    import fcntl  # what only reads drive profiles runs without it, on Windows too
+
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o600)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -31,6 +32,8 @@ def take_lock(path: Path) -> int:
 @contextlib.contextmanager
 def alone_in(state: Path) -> Iterator[None]:
     """Wait until no other process writes here: two writers would remove each other's tables."""
+    import fcntl
+
     make_folder(state)
     make_folder(state / FOLDER_NAME)
     descriptor = os.open(state / FOLDER_NAME, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
