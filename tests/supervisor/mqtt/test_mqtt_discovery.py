@@ -134,10 +134,17 @@ def test_units_of_each_kind_of_axis(tmp_path: Path) -> None:
 
 
 def test_the_choices_are_those_that_the_status_can_show() -> None:
-    """DESIGN's words: as docs/mqtt.md lists them."""
-    document = (Path(__file__).parents[3] / "docs" / "mqtt.md").read_text()
-    for words in (COMPENSATION_STATES, DIRECTION_STATES, TABLE, TERM_STATES):
-        assert ", ".join(f"`{word}`" for word in words) in document
+    """As docs/messages.md lists them."""
+    document = (Path(__file__).parents[3] / "docs" / "messages.md").read_text()
+    sections = re.findall(r"^`axes\.NAME\.([\w.]+)`:\n(.*?)(?=^`|^<)", document, re.DOTALL | re.MULTILINE)
+    listed = {field: sorted(re.findall(r"^\| `([\w-]+)` \|", rows, re.MULTILINE)) for field, rows in sections}
+    assert listed == {
+        "compensation": sorted(COMPENSATION_STATES),
+        "direction": sorted(DIRECTION_STATES),
+        "table.status": sorted(TABLE),
+        "terms.thermal.state": sorted(TERM_STATES),
+        "terms.cross.state": sorted(TERM_STATES),
+    }
 
 
 def test_values_expire_after_some_intervals(tmp_path: Path) -> None:
