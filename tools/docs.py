@@ -127,13 +127,18 @@ def troubles() -> str:
         (
             f"`{entry.kind}`",
             _severity(entry.severity.value),
-            entry.description,
+            _shown_as(entry.title, entry.kind) + entry.description,
             entry.cause,
             entry.remedy,
         )
         for entry in ALARMS.values()
     ]
     return table(("trouble", "severity", "means", "usual cause", "remedy"), _named_once(lines))
+
+
+def _shown_as(title: str, kind: str) -> str:
+    """Return what an axis on the page shows, where its words are others than the name."""
+    return "" if title.lower() in ("", kind.replace("-", " ")) else f"*{title}*: "
 
 
 def states() -> str:

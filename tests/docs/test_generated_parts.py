@@ -38,6 +38,14 @@ def test_messages_knows_every_event_and_every_trouble(wanted: Mapping[Path, str]
         assert re.search(rf"^\| `{name}` \|", text, re.MULTILINE), name
 
 
+def test_messages_has_the_words_that_an_axis_on_the_page_shows() -> None:
+    """A word that is its name with blanks is found by the name."""
+    table = part("troubles")
+    assert "| `table-rejected` | error | *Table refused*: a table file is faulty" in table
+    for kind, entry in ALARMS.items():
+        assert entry.title.lower() in ("", kind.replace("-", " ")) or f"*{entry.title}*" in table
+
+
 def models(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
     yield model
     for field in model.model_fields.values():
