@@ -36,6 +36,12 @@ class Access(NamedTuple):
     is_consistent: bool = True
     is_mei: bool = False
 
+    def writes_over(self, other: "Access") -> bool:
+        """Whether both write a register in common."""
+        ends_before = self.write_address + self.write_quantity <= other.write_address
+        begins_behind = other.write_address + other.write_quantity <= self.write_address
+        return not (ends_before or begins_behind)
+
     def words(self, pdu: bytes) -> bytes:
         """Return the words that the request writes, as registers hold them."""
         data = pdu[self.data_offset :]

@@ -231,6 +231,18 @@ def is_acting_on(units: UnitMaps, transaction: Transaction, axes: Sequence[Axis]
     return not transaction.is_stop and moves_one_of(units, transaction, axes)
 
 
+def rewrites(units: UnitMaps, transaction: Transaction, frames: Iterable[DecodedRequest]) -> bool:
+    """Whether a request is no stop, and writes a register or coil that these frames write too."""
+    if transaction.port is None or transaction.is_stop:
+        return False
+    return any(
+        mine.unit is other.unit
+        and (mine.access.writes_over(other.access) or not mine.coils.keys().isdisjoint(other.coils))
+        for mine in units.frames_of(transaction)
+        for other in frames
+    )
+
+
 def moves_one_of(units: UnitMaps, transaction: Transaction, axes: Sequence[Axis]) -> bool:
     """Whether a request would move one of these axes or give it a target, whatever else it stops."""
     if transaction.port is None:

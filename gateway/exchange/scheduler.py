@@ -26,7 +26,7 @@ from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.decode import AxisCommand
-from gateway.exchange.dispatch import UnitMaps, is_acting_on, moves_one_of
+from gateway.exchange.dispatch import UnitMaps, is_acting_on, moves_one_of, rewrites
 from gateway.exchange.plan import LineTiming
 from gateway.exchange.ports import DriveLink
 from gateway.exchange.queue import WaitingQueue
@@ -271,19 +271,22 @@ class Scheduler:
 
         The same holds for axes whose targets the frame writes: waiting triggers were meant for earlier
         targets. It also holds for axes whose targets the frame runs: it runs those from before the waiting
-        requests.
+        requests. And it holds for a request that writes a register or coil of the frame: the older value
+        would undo the stop.
         """
+        frames = self._units.frames_of(stop)
         axes = [command.axis for command in stops]
-        axes += self._units.given_targets(self._units.frames_of(stop))
-        acts = self._waiting.withdraw(
-            lambda each: not each.is_denied and is_acting_on(self._units, each, axes)
-        )
-        for transaction in acts:
+        axes += self._units.given_targets(frames)
+
+        def is_overtaken(each: Transaction) -> bool:
+            return is_acting_on(self._units, each, axes) or rewrites(self._units, each, frames)
+
+        for transaction in self._waiting.withdraw(lambda each: not each.is_denied and is_overtaken(each)):
             self._transactions.overtaken(transaction, OVERTAKEN, now_ns)
         current = self._transactions.current
-        if current and current.phase is Phase.PREREQUISITE and is_acting_on(self._units, current, axes):
+        if current and current.phase is Phase.PREREQUISITE and is_overtaken(current):
             current.overtake(OVERTAKEN)
-        only_stops = self._units.only_stops(self._units.frames_of(stop))
+        only_stops = self._units.only_stops(frames)
         event = StopEvent.FOUND if only_stops else StopEvent.FOUND_WITH_MORE
         self._transactions.stop_goes_on(stop, event)
 

@@ -265,6 +265,79 @@ def test_m3_a_start_bit_that_falls_and_rises_in_the_queue_is_withdrawn_by_a_stop
     assert (2, 1, bytes.fromhex("86 06")) in bench.port.replies
 
 
+SERVO_COIL = MotionPlan(
+    triggers=(
+        *CONTROL.triggers,
+        TriggerPlan(0x19, is_coil=True, deeds={0: Operation(Action.STOP), 1: Operation(Action.IGNORE)}),
+    ),
+)
+"""The same drive with a coil that switches its servo on and off."""
+SERVO_ON = bytes.fromhex("05 0019 FF00")
+SERVO_OFF = bytes.fromhex("05 0019 0000")
+
+
+def stopped_on_a_busy_line(older: bytes, stop: bytes, panel: Port | None = None) -> Bench:
+    """Return a bench on which a request and then a stop waited: the stop was sent first."""
+    bench = Bench(axis_plan(motion=SERVO_COIL), serial=False)
+    bench.send(READ_OTHER, Port(ControllerPlan("hmi")))  # on the wire
+    bench.send(older, transaction_id=8)
+    bench.send(stop, panel or bench.port, transaction_id=9)
+    bench.seen.clear()
+    bench.serve()
+    assert bench.seen[:2] == [READ_OTHER, stop]
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("older", "stop"),
+    [
+        (control(0x0F), control(0x06)),
+        (bytes.fromhex("10 050D 0002 04 0000 000F"), control(0x06)),
+        (bytes.fromhex("16 050E 0000 000F"), control(0x06)),
+        (bytes.fromhex("06 050D 0001"), bytes.fromhex("10 050D 0002 04 0002 0006")),
+        (SERVO_ON, SERVO_OFF),
+        (bytes.fromhex("0F 0018 0003 01 02"), SERVO_OFF),
+    ],
+    ids=["register", "registers", "mask", "register beside the control word", "coil", "coils"],
+)
+@pytest.mark.parametrize("is_panel", [False, True], ids=["same controller", "operator"])
+def test_m3_an_older_value_of_what_a_stop_has_written_is_withdrawn(
+    older: bytes, stop: bytes, *, is_panel: bool
+) -> None:
+    """Behind the stop it would switch the servo on again, or let the axis go on to its target."""
+    panel = Port(ControllerPlan("panel", role=Role.OPERATOR)) if is_panel else None
+    bench = stopped_on_a_busy_line(older, stop, panel)
+    assert bench.seen == [READ_OTHER, stop]
+    assert (8, 1, bytes((older[0] | 0x80, 6))) in bench.port.replies
+    bench.send(older, transaction_id=10)  # after the stop its controller may still want it
+    bench.serve()
+    assert bench.seen == [READ_OTHER, stop, older]
+
+
+@pytest.mark.parametrize(
+    "other",
+    [bytes.fromhex("06 050D 0001"), bytes.fromhex("06 050F 0001"), SERVO_ON],
+    ids=lambda o: o.hex(" "),
+)
+def test_m3_what_a_stop_has_not_written_is_sent_behind_it(other: bytes) -> None:
+    bench = stopped_on_a_busy_line(other, control(0x06))
+    assert bench.seen == [READ_OTHER, control(0x06), other]
+
+
+def test_m3_the_release_of_a_coil_is_sent_behind_a_stop_of_another_unit() -> None:
+    bench = Bench(
+        axis_plan(motion=SERVO_COIL),
+        axis_plan(name="y", unit_id=2, motion=SERVO_COIL),
+        serial=False,
+    )
+    bench.send(READ_OTHER, Port(ControllerPlan("hmi")))
+    bench.send(SERVO_ON, transaction_id=8)
+    bench.send(SERVO_OFF, transaction_id=9, unit_id=2)
+    bench.seen.clear()
+    bench.serve()
+    assert bench.seen == [READ_OTHER, SERVO_OFF, SERVO_ON]
+
+
 def test_m3_a_stop_of_two_axes_withdraws_the_targets_of_both() -> None:
     other = PositionField(0x0608, RegisterType.INT32, WordOrder.LOW_FIRST)
     plans = [staged_plan(), staged_plan(name="y", command=(other,), actual=(), bits={})]
