@@ -152,6 +152,8 @@ class Ownership:
                 self._refuse(transaction, port, axis, why, now_ns)
                 return False
         for axis, command in claims:
+            if command is not None and _changes_nothing(command):
+                continue
             for member in (axis, *axis.peers):
                 self._take_over(member, port.writer, now_ns)
             if command is not None and command.hits:
@@ -252,6 +254,12 @@ def _set_jog(command: AxisCommand, writer: str) -> None:
         hold.set_jog(writer)
     elif command.is_stop or command.runs_target or action is Action.HOME:
         hold.set_jog("")
+
+
+def _changes_nothing(command: AxisCommand) -> bool:
+    """Whether a request is idle for an axis, and later positions mean the same after it: an alarm reset."""
+    touched = {*command.words, *command.unclear_words}
+    return command.is_idle and not any(trigger.address in touched for trigger in command.axis.rules.following)
 
 
 def _lets_go(command: AxisCommand, writer: str) -> bool:

@@ -144,6 +144,35 @@ def test_w10_the_hold_ends_writer_hold_s_after_the_last_move() -> None:
     move(bench, cnc, 5_000)
 
 
+def test_w10_an_idle_write_takes_no_axis_over() -> None:
+    """An alarm reset of a panel, or the release of a trigger, moves nothing and prepares nothing."""
+    bench = StagedBench(staged_plan())
+    cnc, panel = controller("cnc"), controller("panel")
+    assert bench.ask(LET_GO, panel) == LET_GO
+    move(bench, cnc, 1_000)  # not held by the panel
+    bench.wait(HOLD_MS + 1_000)  # the operator has a break
+    assert bench.ask(LET_GO, panel) == LET_GO
+    assert bench.ask(RUN_PDU, cnc) == RUN_PDU  # its target is still there
+    assert bench.drive.moves == [("absolute", 1_010)]
+    assert bench.ask(LET_GO, panel) == refusal(LET_GO)  # the axis is held again
+
+
+def test_w10_an_idle_write_to_a_register_that_can_follow_takes_the_axis_over() -> None:
+    """After it the writer's next position would mean something else."""
+    follows = TriggerPlan(
+        TRIGGER,
+        deeds={0: Operation(Action.IGNORE), 5: Operation(Action.FOLLOW), STOP: Operation(Action.STOP)},
+    )
+    bench = StagedBench(staged_plan(motion=MotionPlan(is_staged=True, triggers=(follows,))))
+    cnc, panel = controller("cnc"), controller("panel")
+    move(bench, cnc, 1_000)
+    assert bench.ask(bytes.fromhex("06 050E 0005"), cnc)[0] == 6
+    bench.wait(HOLD_MS + 1_000)
+    assert bench.ask(LET_GO, panel) == LET_GO
+    assert writer(bench) == "panel"
+    assert bench.ask(write(COMMAND, 2_000), cnc) == refusal(write(COMMAND, 2_000))
+
+
 def test_w10_the_hold_ends_two_seconds_after_the_last_connection_of_its_writer() -> None:
     bench = Bench(axis_plan(), serial=False)
     first, second = controller("cnc", "10.0.0.1"), controller("cnc", "10.0.0.1")
