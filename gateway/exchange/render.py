@@ -398,6 +398,11 @@ def _measured(axis: Axis, actual: Actual) -> PositionEstimate:
     if axis.correction.is_dry_run:
         return PositionEstimate(actual.counts, EstimateKind.MEASURED)
     if axis.motion.state not in ON_BRANCH:
+        kept = axis.motion.superseded
+        if kept is not None and axis.motion.is_seen_at_superseded and not kept.is_other_reference:
+            near = axis.plan.settings.hysteresis_counts
+            if abs(actual.counts - kept.corrected_counts) <= near:  # as certain as before the loss
+                return PositionEstimate(kept.move.nominal_counts, EstimateKind.REACHED)
         return PositionEstimate(
             actual.counts, EstimateKind.ON_WAY if _may_run(axis, actual) else EstimateKind.ON_DRIVE
         )

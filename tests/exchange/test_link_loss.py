@@ -12,7 +12,7 @@ from gateway.modbus.registers import BitField, PositionField, RegisterType
 from tests.exchange.connection_bench import ConnectionBench, controller
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, stream_plan, write
 from tests.exchange.staged_bench import RUN_PDU as TRIGGER
-from tests.exchange.staged_bench import STAGED
+from tests.exchange.staged_bench import STAGED, StagedBench
 from tests.exchange.staged_bench import STOP_PDU as STOP
 
 READ = bytes.fromhex("03 0700 0001")
@@ -618,3 +618,23 @@ def test_a_frame_that_remaps_and_commands_at_once_ends_the_compensation_too() ->
     bench = Bench(axis_plan(remapping=(beside,)))
     bench.ask(bytes.fromhex("10 0606 0003 06 C350 0000 0001"))
     assert bench.command(60_000) == 60_000
+
+
+@pytest.mark.parametrize("cut_ms", [300, 3_000])
+def test_m6_an_axis_seen_at_its_target_after_a_loss_turns_back_with_the_smallest_step(cut_ms: float) -> None:
+    """Forward it stands at 50 010. One count back is backward: 49 999 - 10, not 49 999 + 10."""
+    bench = Bench(axis_plan())
+    assert bench.reach(40_000) == 40_010
+    assert bench.reach(50_000) == 50_010
+    bench.cut(cut_ms)
+    bench.actual()
+    assert bench.command(49_999) == 49_989
+    assert "direction-unsure" not in bench.kinds()
+
+
+def test_m6_a_staged_target_after_a_loss_turns_back_with_the_smallest_step() -> None:
+    bench = StagedBench()
+    bench.go_to(40_000, 50_000)
+    bench.cut(3_000)
+    assert bench.run(49_999) == ("absolute", 49_989)
+    assert "direction-unsure" not in bench.kinds()
