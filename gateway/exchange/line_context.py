@@ -46,6 +46,7 @@ class LineContext:
         self.on_event = on_event
         self.tap = tap
         self.response_timeout_ns = int(timing.response_timeout_ms * NS_PER_MS)
+        self.gap_ms = timing.gap_ms
         self.axes = tuple([Axis(plan) for plan in axes])
         join_terms(self.axes)
         join_groups(self.axes, groups)

@@ -156,6 +156,10 @@ class Scheduler:
         rests = self._rest.until_ns is not None
         return any(rests or self._from_ns(stop, now_ns) <= now_ns for stop in self._waiting.stops)
 
+    def due_stop(self, now_ns: int) -> Transaction | None:
+        """Return the first waiting stop that nothing but the silence of the wire holds back."""
+        return next((stop for stop in self._waiting.stops if self._from_ns(stop, now_ns) <= now_ns), None)
+
     def wake_at(self, due_ns: int) -> None:
         """Make the line check the waiting requests at this time, or earlier."""
         due_ns = min(due_ns, self.waits_until_ns or NEVER_NS)

@@ -16,6 +16,7 @@ from gateway.exchange.line_context import LineContext
 from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.transaction import Step, StopEvent, Stopping, Transaction
 from gateway.limits import Reports, others_of_pairs, times
+from gateway.modbus.lengths import MAX_ADU
 from gateway.modbus.pdu import BROADCAST_UNIT_ID, ExceptionCode
 from gateway.times import NEVER_NS, NS_PER_MS, NS_PER_S
 
@@ -23,6 +24,8 @@ FRAME: Final = Step.FRAME
 ADDED_FRAME: Final = Step.ADDED_FRAME
 DEMAND_EVERY_NS: Final = 100 * NS_PER_MS
 """Minimum time between demands for a connection while something waits for it."""
+NOISE_NS: Final = 100 * NS_PER_MS
+"""A wire that has not been silent for this time and two longest frames has noise on it."""
 REFUSALS_REPORTED: Final = 10
 """Number of refusals of one kind and axis that are reported in a second; the others are only counted."""
 
@@ -49,6 +52,11 @@ class Turn:
         self._deadlines = context.deadlines
         self._tap = context.tap
         self._response_timeout_ns = context.response_timeout_ns
+        self._noise_ns = max(NOISE_NS, int(3.0 * context.gap_ms * NS_PER_MS))
+        self._paced_since_ns = 0
+        """Since when something waits for a silence of the wire; 0: nothing does."""
+        self._paced_at_ns = 0
+        """When that was checked last."""
         self.forwarding: Forwarding | None = None
         """Only on a line with cut-through, and set by it."""
         self._refusals: Reports[tuple[str, str]] = Reports(
@@ -66,8 +74,15 @@ class Turn:
         while self._waiting.total and self._transactions.current is None:
             if self.is_paced(now_ns):
                 scheduler.gaps.wait_for_silence()
-                self._withdraw_given_up(now_ns)
-                return
+                has_noise = self._has_noise(now_ns)
+                self._withdraw_given_up(now_ns, has_noise=has_noise)
+                stop = scheduler.due_stop(now_ns) if has_noise else None
+                if stop is None:
+                    return
+                self._waiting.take(stop)
+                self.start(stop, now_ns)
+                continue
+            self._paced_since_ns = 0
             chosen = scheduler.next(now_ns)
             if chosen is None:
                 break
@@ -92,10 +107,24 @@ class Turn:
         self._scheduler.wake_at(until_ns)
         return True
 
-    def _withdraw_given_up(self, now_ns: int) -> None:
+    def _has_noise(self, now_ns: int) -> bool:
+        """Whether the wire was not silent for so long that no frames can be the reason.
+
+        A stop still reaches its drive: while the gateway sends, its driver overrides the noise of an idle
+        pair.
+        """
+        if not self._paced_since_ns or now_ns - self._paced_at_ns > self._noise_ns:
+            self._paced_since_ns = now_ns
+        self._paced_at_ns = now_ns
+        frames_ns = 2 * MAX_ADU * self._link.stamps.wire_ns_per_byte
+        return now_ns - self._paced_since_ns > self._noise_ns + frames_ns
+
+    def _withdraw_given_up(self, now_ns: int, *, has_noise: bool) -> None:
         """Withdraw what its controller has given up: a wire with noise on it may never be silent (W5)."""
         for transaction in tuple(self._waiting):
             reason = transaction.why_given_up(now_ns)
+            if reason and has_noise:
+                reason += ", and the drives' wire was never silent: noise? Check bias and termination"
             if reason:
                 self._waiting.take(transaction)
                 self._transactions.withdraw(transaction, reason, now_ns)
@@ -186,6 +215,7 @@ class Turn:
 
     def put_on_wire(self, transaction: Transaction, pdu: bytes, unit_id: int, now_ns: int) -> None:
         """Send a frame: the request itself, or one of the gateway."""
+        self._paced_since_ns = 0
         patience_ns = self._response_timeout_ns
         port = transaction.port
         if self._silent_units.silences:

@@ -386,3 +386,70 @@ def test_a_stop_that_waits_to_be_repeated_does_not_make_others_read_again_and_ag
         bench.link.sent.clear()
         bench.wait(20)
     assert reads_until_written(bench, gap_ms, 40) <= 2
+
+
+# --- a wire that is never silent ----------------------------------------------------------------------------
+
+
+def chatters(bench: Bench, ms: int) -> None:
+    """Noise comes each millisecond: an RS-485 pair without bias resistors, while nobody drives it."""
+    for _ in range(ms):
+        bench.now_ns += MS
+        holds(bench)
+        bench.line.stray(bench.now_ns)
+        bench.line.tick(bench.now_ns)
+
+
+def noisy_bench(baudrate: int = 0) -> StagedBench:
+    """Return a bench whose axis goes to 50 000 and whose wire chatters; no baud rate: there is no wire."""
+    bench = StagedBench()
+    bench.go_to(20_000)
+    bench.run(50_000)
+    bench.link.stamps.wire_ns_per_byte = 11 * 1_000_000_000 // baudrate if baudrate else 0
+    chatters(bench, 10)
+    return bench
+
+
+@pytest.mark.parametrize(
+    ("baudrate", "waits_ms"),
+    [(0, 100), (115_200, 148), (9_600, 686)],  # 100 ms and 512 characters of 0, 95.5 and 1145.8 µs
+)
+def test_m3_a_stop_is_sent_through_noise_that_no_frames_explain(baudrate: int, waits_ms: int) -> None:
+    bench = noisy_bench(baudrate)
+    bench.send(STOP_PDU)
+    chatters(bench, waits_ms)
+    assert bench.link.sent == []
+    chatters(bench, 2)
+    assert bench.link.sent == [(1, STOP_PDU)]
+
+
+def test_m3_a_stop_waits_for_the_gap_that_a_drive_needs_however_long() -> None:
+    bench = StagedBench(timing=LineTiming(gap_ms=300.0))
+    holds(bench, 300)
+    bench.send(STOP_PDU)
+    for _ in range(299):
+        bench.wait(1)
+    assert bench.link.sent == []
+    bench.wait(1)
+    assert bench.link.sent == [(1, STOP_PDU)]
+
+
+def test_w5_a_request_that_noise_has_held_up_is_withdrawn_and_says_so() -> None:
+    bench = noisy_bench()
+    bench.send(WORD)
+    chatters(bench, 1_010)  # timeout_ms = 1000
+    assert bench.link.sent == []
+    assert bench.events[-1].kind is exchange_events.WITHDRAWN
+    assert "the drives' wire was never silent: noise?" in bench.events[-1].detail
+
+
+def test_the_next_stop_after_noise_waits_for_its_silence_again() -> None:
+    bench = noisy_bench()
+    bench.send(WORD)
+    chatters(bench, 1_010)
+    bench.wait(500)  # silent at last
+    holds(bench)
+    bench.send(STOP_PDU)
+    assert bench.link.sent == []
+    bench.wait(SILENCE_MS)
+    assert bench.link.sent == [(1, STOP_PDU)]
