@@ -173,6 +173,8 @@ class DriveSide:
             self._transactions.free_wire()
             self._take_added(transaction, pdu, now_ns)
             return axes
+        if self._renewal.holds and not transaction.is_stop:
+            self._renewal.answered(now_ns)
         outcome, code = outcome_of_reply(transaction, pdu)
         self._transactions.finish(transaction, outcome, now_ns, code=code, reply=pdu)
         self._transactions.free_wire()

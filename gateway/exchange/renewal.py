@@ -4,9 +4,9 @@ A server may have lost a connection that its operating system still acknowledges
 more, but the server would serve a new one. The gateway closes the old one when no byte has come for three
 time-outs and for three times ``response_timeout_ms``. Each unit id that may be read was polled in that time.
 
-Unanswered requests of the old connection may still be executed. If one of them may have written, the new
-connection carries only added reads until one is answered, and no write for ``lost_ms`` after that.
-:class:`Held` says how far this has come; only this file changes it.
+Unanswered requests of the old connection may still be executed. To the unit ids of which one may have
+written, the new connection carries only added reads until a drive answers, and no write for ``lost_ms`` after
+that. :class:`Held` says how far this has come; only this file changes it. Other unit ids are not held up.
 """
 
 from collections.abc import Iterable
@@ -25,16 +25,16 @@ LONGEST_PAUSE_S: Final = 60.0
 
 
 class Held(Enum):
-    """What the connection carries."""
+    """What the connection carries to the unit ids that left a write unanswered."""
 
     __hash__ = object.__hash__
 
     NOTHING = "nothing"
     """Everything: nothing is held back."""
     ALL = "all"
-    """Added reads and stops: an unanswered write may still be executed."""
+    """Added reads and stops, and reads of what is no axis: an unanswered write may still be executed."""
     WRITES = "writes"
-    """All but writes: an added read was answered, and ``lost_ms`` have not passed since."""
+    """All but writes: something was answered, and ``lost_ms`` have not passed since."""
 
 
 class Renewal:
@@ -58,6 +58,8 @@ class Renewal:
         self.held = Held.NOTHING
         self.holds = False
         """Whether anything is held: checked for each request."""
+        self.held_unit_ids: frozenset[int] = frozenset()
+        """The unit ids to which it is."""
         self.held_until_ns = 0
         """Until when writes are held."""
 
@@ -92,7 +94,7 @@ class Renewal:
         return not self.timeouts and not self._open_writes
 
     def answered(self, now_ns: int) -> None:
-        """An added read was answered: see :class:`Held`."""
+        """An added read was answered, or a request to another unit id: see :class:`Held`."""
         if self.held is Held.ALL:
             self.held, self.held_until_ns = Held.WRITES, now_ns + self._hold_ns
 
@@ -100,7 +102,7 @@ class Renewal:
         """Release held writes when their time is over; return whether they were released now."""
         is_over = self.held is Held.WRITES and now_ns >= self.held_until_ns
         if is_over:
-            self.held, self.holds = Held.NOTHING, False
+            self.held, self.holds, self.held_unit_ids = Held.NOTHING, False, frozenset()
         return is_over
 
     def is_mute(self, now_ns: int) -> bool:
@@ -126,6 +128,7 @@ class Renewal:
         """The connection is closed to be made again."""
         if self.may_have_written:
             self.held, self.holds = Held.ALL, True
+            self.held_unit_ids |= self._open_writes
         self._not_before_ns = now_ns + int(self._backoff.next_s() * NS_PER_S)
         self.begin()
 

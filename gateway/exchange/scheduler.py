@@ -41,6 +41,7 @@ from gateway.exchange.transaction import (
     Transaction,
     Transactions,
 )
+from gateway.modbus.pdu import BROADCAST_UNIT_ID
 from gateway.times import NEVER_NS
 
 FULL_ECHOES: Final = frozenset({0x05, 0x06, 0x16})
@@ -238,10 +239,14 @@ class Scheduler:
 
     def _is_held(self, transaction: Transaction) -> bool:
         """Whether the connection does not carry a request yet, because an older one may be executed."""
-        held = self._renewal.held
+        held, unit_id = self._renewal.held, transaction.unit_id
         if held is Held.NOTHING or transaction.port is None or transaction.is_stop:
             return False
-        return held is Held.ALL or not transaction.only_reads
+        may_reach_all = unit_id == BROADCAST_UNIT_ID or self._units.aliases.may_reach_axis(unit_id)
+        if not may_reach_all and self._renewal.held_unit_ids.isdisjoint(self._units.partners(unit_id)):
+            return False
+        has_axis = may_reach_all or unit_id in self._units
+        return not transaction.only_reads or (held is Held.ALL and has_axis)
 
     def held_read(self, now_ns: int) -> Transaction | None:
         """Return a read that checks if a drive answers, while nothing else may be sent; None: not now."""

@@ -444,3 +444,60 @@ def test_a_stop_too_waits_for_the_rest_of_a_new_connection(drain_ms: float) -> N
     assert bench.link.sent == []
     bench.until(2)
     assert (1, STOP) in bench.link.sent
+
+
+# --- a converter whose drives are off, and a device that is not ----------------------------------------------
+
+
+VFD_READ, VFD_RUN = bytes.fromhex("03 2103 0001"), bytes.fromhex("06 2000 0012")
+
+
+def drives_off(open_write_to: int = 1) -> ConnectionBench:
+    """Return a bench whose two drives have lost their power after a write, on the renewed connection."""
+    bench = ConnectionBench(axis_plan(), axis_plan(name="y", unit_id=2), retry_ms=0.0)
+    mute(bench, bytes.fromhex("06 0700 0001"), unit_id=open_write_to)
+    bench.link.sent.clear()
+    bench.until(400)  # no drive answers the reads of the gateway either
+    assert bench.connection.renewed == 1
+    bench.returns(20, 200)
+    bench.link.sent.clear()
+    return bench
+
+
+def served_by_unit_9(bench: ConnectionBench, ms: int = 800) -> list[bytes]:
+    """Let time pass in which only the device answers; return what was sent to it."""
+    seen = []
+    for _ in range(ms // 20):
+        if not bench.line.is_up:  # renewed once more
+            bench.returns(0)
+        while bench.link.sent:
+            unit_id, pdu = bench.link.sent.pop(0)
+            if unit_id == 9:
+                seen.append(pdu)
+                bench.line.reply(unit_id, pdu if pdu[0] == 6 else b"\x03\x02\x00\x00", bench.now_ns)
+        bench.until(20)
+    return seen
+
+
+@pytest.mark.parametrize("pdu", [VFD_READ, VFD_RUN], ids=["read", "write"])
+def test_w11_drives_without_power_do_not_hold_up_another_device_of_their_converter(pdu: bytes) -> None:
+    bench = drives_off()
+    for _ in range(5):
+        bench.send(pdu, unit_id=9)
+        assert served_by_unit_9(bench) == [pdu]
+
+
+def test_w5_a_device_whose_write_may_still_be_executed_gets_no_write_until_it_has_answered() -> None:
+    bench = drives_off(open_write_to=9)
+    bench.send(VFD_RUN, controller(timeout_ms=9000.0), unit_id=9)
+    assert served_by_unit_9(bench) == []
+    bench.send(VFD_READ, controller("hmi"), unit_id=9)
+    assert served_by_unit_9(bench, 800) == [VFD_READ]
+    assert served_by_unit_9(bench, 1000) == [VFD_RUN]  # lost_ms = 1000 after its answer
+
+
+def test_w5_a_drive_whose_write_may_still_be_executed_gets_neither_reads_nor_writes() -> None:
+    bench = drives_off()
+    for pdu in (READ, write(COMMAND, 50_000)):
+        bench.send(pdu, controller(f"plc {pdu[0]}"), unit_id=1)
+        assert (1, pdu) not in bench.link.sent
