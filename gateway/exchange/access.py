@@ -11,7 +11,6 @@ from typing import Final, NamedTuple
 
 from gateway.modbus.pdu import MEI_CANOPEN_GENERAL_REFERENCE, FunctionCode
 
-COIL_ON: Final = 0xFF
 MEI_HEAD: Final = 12
 """Bytes of a general reference before its data."""
 HEAD_BYTES: Final = bytes({1: 5, 2: 5, 3: 5, 4: 5, 6: 3, 16: 6}.get(function, 0) for function in range(256))
@@ -126,7 +125,7 @@ def coils_written(pdu: bytes) -> dict[int, int]:
     {25: 1, 26: 0, 27: 1}
     """
     if pdu[0] == FunctionCode.WRITE_SINGLE_COIL and len(pdu) >= 5:  # a drive may ignore extra bytes
-        return {_u16(pdu, 1): int(pdu[3] == COIL_ON)}
+        return {_u16(pdu, 1): int(_u16(pdu, 3) > 0)}  # a drive may take any value but 0 for ON
     if pdu[0] == FunctionCode.WRITE_MULTIPLE_COILS and len(pdu) > 6:
         address, quantity = _u16(pdu, 1), min(_u16(pdu, 3), 8 * (len(pdu) - 6))
         return {address + i: pdu[6 + i // 8] >> i % 8 & 1 for i in range(quantity)}

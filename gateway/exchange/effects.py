@@ -100,11 +100,12 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
     if command.runs_target:
         axis.targets.mark_run(action)
         axis.reference_happens(ReferenceEvent.OTHER_MOTION)
-        mode = None if command.number is None else rules.plan.mode(command.number)
-        if mode is not None and mode.resets_to is not None:
-            rules.store_words({mode.address: mode.resets_to}, command.epoch)
     elif command.written:
         axis.targets.mark_staged()
+    if command.number is not None and (command.runs_target or action is Action.UNKNOWN):
+        mode = rules.plan.mode(command.number)
+        if mode is not None and mode.resets_to is not None:  # after any move, known or not
+            rules.store_words({mode.address: mode.resets_to}, command.epoch)
     if action in MOVES_OTHERWISE:
         _move_otherwise(command, now_ns, is_certain=True)
     elif command.is_doubtful:
@@ -181,7 +182,8 @@ def _move_otherwise(command: AxisCommand, now_ns: int, *, is_certain: bool) -> N
     """Something other than a target moves the axis, stops it, or moves its zero."""
     axis = command.axis
     _move_by(axis, command.action, now_ns, is_certain=is_certain)
-    if command.runs_stored and not axis.passes_unchanged:
+    may_run_written = command.action is Action.UNKNOWN and bool(command.hits)
+    if (command.runs_stored or may_run_written) and not axis.passes_unchanged:
         axis.compensation.invalidate()  # those words were not corrected for it
     if command.sets_position_too:
         _move_by(axis, Action.SET_POSITION, now_ns, is_certain=is_certain)

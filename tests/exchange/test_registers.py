@@ -18,7 +18,7 @@ from gateway.exchange.axis.registers import (
 )
 from gateway.exchange.plan import CompensationMode, ControllerPlan, LineTiming, Reference
 from gateway.modbus.registers import BitField, FieldAccess, PositionField, RegisterType, WordOrder
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Memory, Port, axis_plan, read, write
 from tests.exchange.record_bench import RecordBench
 from tests.exchange.staged_bench import (
     BITS,
@@ -59,6 +59,28 @@ def starting_bench(**changes: object) -> Bench:
     bench.wait(1000)
     bench.seen.clear()
     return bench
+
+
+class FlagsAreWriteOnly(Memory):
+    """A drive that refuses to report its control flags."""
+
+    def answer(self, pdu: bytes) -> bytes:
+        is_refused = pdu[0] == 3 and pdu[1:3] == CONTROL_FLAGS.address.to_bytes(2, "big")
+        return b"\x83\x02" if is_refused else super().answer(pdu)
+
+
+def test_m2_the_mode_is_known_after_a_first_move_that_resets_it_whatever_it_was() -> None:
+    bench = Bench(
+        axis_plan(command=(TARGET,), actual=(HIGH_FIRST_ACTUAL,), motion=ON_LOW_WORD),
+        memory=FlagsAreWriteOnly(),
+    )
+    told = []
+    for counts in (20_000, 40_000, 30_000, 50_000):
+        bench.ask(write(TARGET, counts))
+        told.append(bench.memory.get(TARGET))
+        bench.memory.put(HIGH_FIRST_ACTUAL, told[-1])
+        bench.wait(1000)
+    assert told == [20_000, 40_010, 29_990, 50_010]
 
 
 def test_m1_a_word_that_starts_nothing_passes_and_the_starting_one_sends_the_whole_position() -> None:

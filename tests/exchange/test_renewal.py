@@ -446,7 +446,7 @@ def test_a_stop_too_waits_for_the_rest_of_a_new_connection(drain_ms: float) -> N
     assert (1, STOP) in bench.link.sent
 
 
-# --- a converter whose drives are off, and a device that is not ----------------------------------------------
+# --- a converter whose drives are off, and a device that is not -------------------------------------------
 
 
 VFD_READ, VFD_RUN = bytes.fromhex("03 2103 0001"), bytes.fromhex("06 2000 0012")

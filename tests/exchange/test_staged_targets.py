@@ -8,6 +8,7 @@ from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, Trigg
 from gateway.exchange.commands import SetGain
 from gateway.exchange.control import switch
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
+from gateway.exchange.status import direction_state
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
 from tests.exchange.staged_bench import (
@@ -15,6 +16,7 @@ from tests.exchange.staged_bench import (
     JOG_PDU,
     MODE,
     ONLY_ABSOLUTE,
+    RUN,
     RUN_PDU,
     STAGED,
     STOP_PDU,
@@ -239,6 +241,22 @@ def test_an_unknown_mode_passes_untouched_and_is_counted(value: int) -> None:
     assert bench.memory.get(COMMAND) == 50_000
     assert bench.line.counters.unknown_modes == 1
     assert bench.kinds().count("unknown-mode") == 1
+
+
+def test_each_target_that_passes_in_a_frame_of_unknown_meaning_is_flagged() -> None:
+    """The event comes once for the same unknown value; the status says it until a target is corrected."""
+    bench = StagedBench(staged_plan(command=(WIDE,)))
+    frame = "10 050C 0003 06 {:04X} 0000 {:04X}"
+    assert bench.ask(bytes.fromhex(frame.format(20_000, RUN)))[0] == 0x10
+    assert bench.memory.get(WIDE) == 20_010
+    for counts in (30_000, 10_000, 40_000):
+        assert bench.ask(bytes.fromhex(frame.format(counts, 9)))[0] == 0x10  # 9 is no value that is known
+        assert bench.memory.get(WIDE) == counts
+        assert direction_state(bench.line.axes[0]) == "unsure"
+    bench.drive.stand_at(40_000)
+    bench.ask(bytes.fromhex(frame.format(60_000, RUN)))
+    assert bench.memory.get(WIDE) == 60_010
+    assert direction_state(bench.line.axes[0]) == "forward"
 
 
 @pytest.mark.parametrize("before", ["kill", "link"])

@@ -68,6 +68,20 @@ def meaning(axis: Axis, frame: str, read: Mapping[int, int | None] | None = None
 
 
 @pytest.mark.parametrize(
+    ("frame", "action"),
+    [
+        ("05 0019 FF00", Action.STORED),
+        ("05 0019 0001", Action.STORED),  # no value of the protocol: a drive may take it for ON
+        ("05 0019 0000", Action.STOP),
+    ],
+)
+def test_a_coil_is_off_only_if_its_value_is_0(frame: str, action: Action) -> None:
+    deeds = {1: Operation(Action.STORED), 0: Operation(Action.STOP)}
+    axis = an_axis(MotionPlan(triggers=(TriggerPlan(0x19, is_coil=True, deeds=deeds),)))
+    assert meaning(axis, frame).action is action
+
+
+@pytest.mark.parametrize(
     ("frame", "before", "action", "unclear"),
     [
         ("16 050E 0000 0001", None, Action.ABSOLUTE, set()),  # all bits are written
