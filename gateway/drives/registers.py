@@ -228,6 +228,10 @@ class BitsSpec(StrictModel):
     """The status bits of the drive; each is true while its bit is 1."""
 
     homed: BitSpec | None = Field(default=None, description="the drive knows where it is")
+    homing_done: BitSpec | None = Field(
+        default=None,
+        description="the commanded homing has succeeded; at other times the bit means something else",
+    )
     done: BitSpec | None = Field(default=None, description="the last move has ended")
     moving: BitSpec | None = Field(default=None, description="the axis moves")
     alarm: BitSpec | None = Field(default=None, description="the drive has given up")
@@ -313,7 +317,7 @@ class RegisterMap(StrictModel):
     bits: BitsSpec = Field(
         default=BitsSpec(),
         description="state bits",
-        json_schema_extra=documented(more=("`homed`, `done`, `moving`, `alarm`, see below")),
+        json_schema_extra=documented(more=("`homed`, `homing_done`, `done`, `moving`, `alarm`, see below")),
     )
     done_means: ByName[DoneMeans] = Field(
         default=DoneMeans.MOVE_ENDED,

@@ -13,6 +13,7 @@ from gateway.modbus.registers import BitField, PositionField
 from gateway.times import NS_PER_MS
 
 HOMED_BIT: Final = "homed"
+HOMING_DONE_BIT: Final = "homing_done"
 DONE_BIT: Final = "done"
 MOVING_BIT: Final = "moving"
 ALARM_BIT: Final = "alarm"

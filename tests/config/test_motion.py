@@ -244,7 +244,8 @@ def test_homing_without_a_value_that_homes_is_refused(tmp_path: Path) -> None:
 
 def test_homing_without_a_bit_that_ends_it_is_refused(tmp_path: Path) -> None:
     problem = refusal(tmp_path, referenced("homing", *WITHOUT_BITS) + HOME, "axis.x.referenced")
-    assert problem.found == 'referenced = "homing" without registers.bits.homed or registers.bits.done'
+    lack = "without registers.bits.homed, registers.bits.homing_done or registers.bits.done"
+    assert problem.found == f'referenced = "homing" {lack}'
     assert "homing has ended" in problem.remedy
 
 

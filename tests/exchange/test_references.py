@@ -11,7 +11,18 @@ from gateway.exchange.plan import ControllerPlan, Reference, Role
 from gateway.modbus.registers import BitField, PositionField, RegisterType, WordOrder
 from tests.exchange import test_registers as starting
 from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, Port, axis_plan, read, write
-from tests.exchange.staged_bench import BITS, HOME_PDU, RUN_PDU, STOP_PDU, ZERO_PDU, StagedBench, staged_plan
+from tests.exchange.staged_bench import (
+    BITS,
+    DONE_BIT,
+    HOME_PDU,
+    RUN_PDU,
+    STATUS,
+    STOP_PDU,
+    ZERO_PDU,
+    StagedBench,
+    staged_plan,
+    sticky,
+)
 
 
 def is_corrected(bench: StagedBench, counts: int = 20_000) -> bool:
@@ -246,6 +257,59 @@ def test_a16_the_end_of_a_homing_that_no_controller_polls_is_read_before_the_nex
     bench.drive.set_bits(is_done=True)
     bench.wait(500)
     assert bench.run(20_000) == ("absolute", 20_010)
+
+
+HOMING_DONE_BIT = 12
+MODE_WRITE = bytes.fromhex("06 0700 0001")
+
+
+def homing_402() -> StagedBench:
+    """A drive whose bit 12 says that homing has succeeded, while its mode is homing; its done bit is set."""
+    bits = {**BITS, "homing_done": BitField(STATUS, HOMING_DONE_BIT)}
+    del bits["homed"]
+    bench = StagedBench(staged_plan(motion=sticky(), referenced=Reference.HOMING, bits=bits))
+    bench.drive.words[STATUS] = 1 << DONE_BIT
+    bench.ask(MODE_WRITE)
+    bench.ask(HOME_PDU)
+    return bench
+
+
+def test_a_homing_that_never_began_or_failed_makes_no_reference() -> None:
+    """Bit 10 set and bit 12 clear: not started, interrupted, or failed."""
+    bench = homing_402()
+    for _ in range(20):
+        bench.wait(200)
+        bench.poll()
+    bench.ask(MODE_WRITE)
+    bench.run(20_000)
+    assert bench.drive.get(COMMAND) == 20_000
+    assert not bench.line.axes[0].reference.is_referenced
+
+
+@pytest.mark.parametrize("polls", [True, False], ids=["the controller polls", "the gateway reads"])
+def test_a_homing_that_has_succeeded_makes_the_reference(*, polls: bool) -> None:
+    """After the mode is another one the bit is clear again, so it is read before that."""
+    bench = homing_402()
+    bench.drive.put(ACTUAL, 0)
+    bench.wait(1_500)
+    bench.drive.words[STATUS] = 1 << DONE_BIT | 1 << HOMING_DONE_BIT
+    if polls:
+        bench.poll()
+    bench.ask(MODE_WRITE)
+    bench.drive.words[STATUS] = 1 << DONE_BIT
+    assert bench.run(20_000) == ("absolute", 20_010)
+
+
+def test_a_bit_that_is_still_that_of_the_motion_before_ends_no_homing() -> None:
+    """While the mode is positioning, the same bit acknowledges a set-point."""
+    bench = homing_402()
+    bench.drive.words[STATUS] = 1 << DONE_BIT | 1 << HOMING_DONE_BIT
+    bench.wait(900)  # done_drop_ms = 1000
+    bench.poll()
+    assert not bench.line.axes[0].reference.is_referenced
+    bench.wait(200)
+    bench.poll()
+    assert bench.line.axes[0].reference.is_referenced
 
 
 # --- sequences that several rules have a part in ---------------------------------------------------------

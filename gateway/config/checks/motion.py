@@ -178,8 +178,8 @@ def _lacks(way: Reference, registers: RegisterMap) -> list[tuple[str, str]]:
         if rule_key(registers, Action.HOME) is None:
             what = "and no value of registers.mode or registers.trigger homes"
             lacks.append((what, "list the value that homes the axis under home"))
-        if bits.homed is None and bits.done is None:
-            what = "without registers.bits.homed or registers.bits.done"
+        if bits.homed is None and bits.homing_done is None and bits.done is None:
+            what = "without registers.bits.homed, registers.bits.homing_done or registers.bits.done"
             lacks.append((what, "name the bit that says that homing has ended"))
     if way is Reference.SET_POSITION and not _sets_position(registers):
         what = "and nothing in registers sets a position"

@@ -12,7 +12,7 @@ from enum import Enum
 from typing import Final
 
 from gateway.exchange.axis.impossible import IGNORED, sentence_of
-from gateway.exchange.plan import DONE_BIT, HOMED_BIT, AxisPlan, Reference
+from gateway.exchange.plan import DONE_BIT, HOMED_BIT, HOMING_DONE_BIT, AxisPlan, Reference
 from gateway.times import NS_PER_MS, NS_PER_S
 
 
@@ -217,13 +217,13 @@ class AxisReference:
         self.kind = plan.referenced
         self.follows_homed_bit = plan.referenced is Reference.DRIVE_BIT
         """Whether the drive's homed bit decides."""
-        self.bit = (
-            DONE_BIT if plan.referenced is Reference.HOMING and HOMED_BIT not in plan.bits else HOMED_BIT
-        )
+        self.bit = HOMED_BIT
         """Name of the bit that shows the end of homing."""
+        if plan.referenced is Reference.HOMING and HOMED_BIT not in plan.bits:
+            self.bit = HOMING_DONE_BIT if HOMING_DONE_BIT in plan.bits else DONE_BIT
         self._settle_ns = SETTLE_NS
         """A bit that is still set so soon after a homing command may be that of the motion before."""
-        if self.bit == DONE_BIT:
+        if self.bit != HOMED_BIT:
             self._settle_ns = max(SETTLE_NS, int(plan.done_drop_ms * NS_PER_MS))
         self.state = REFERENCE_AT_START[plan.referenced]
         self.is_unconfirmed = self.follows_homed_bit
@@ -276,7 +276,7 @@ class AxisReference:
 
     def see_end_of_homing(self, now_ns: int, *, is_set: bool) -> None:
         """Record the bit that ends a homing command, if it is not a bit that decides permanently."""
-        if self.kind is not Reference.HOMING or not self.is_homing:
+        if not self.awaits_end:
             return
         if not is_set:
             self.homing_since_ns = now_ns - self._settle_ns
@@ -307,6 +307,11 @@ class AxisReference:
         return self.state is _HOMING
 
     @property
+    def awaits_end(self) -> bool:
+        """Whether a bit must still show the end of a homing command; that bit does not decide permanently."""
+        return self.state is _HOMING and self.kind is Reference.HOMING
+
+    @property
     def is_lost(self) -> bool:
         """Whether it is certain that the axis is not referenced."""
         return self.was_reported and self.state is not _REFERENCED
@@ -322,6 +327,6 @@ class AxisReference:
         ``before_target``: the next position is a target, which an old bit holds up.
         """
         if not self.follows_homed_bit:
-            return before_target and self.is_homing and self.kind is Reference.HOMING
+            return before_target and self.awaits_end
         is_old = self.state is not _REFERENCED or now_ns - self.bit_seen_ns > FRESH_NS
         return self.is_unconfirmed or (before_target and is_old)
