@@ -15,7 +15,7 @@ from gateway.config.settings_of import settings_of, thermal_of
 from gateway.config.tables import AxisTable
 from gateway.drives import library
 from gateway.drives.motion import Action
-from gateway.drives.registers import DoneMeans, NextTarget, OnException, RegisterMap
+from gateway.drives.registers import DoneMeans, OnException, RegisterMap
 from gateway.drives.strict import planned
 from gateway.exchange.plan import (
     AxisPlan,
@@ -153,7 +153,7 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         writes_with=registers.write,
         deadline_ms=axis.deadline_ms or 0.0,
         late=axis.late or default_late(axis.setpoints),
-        queues_targets=registers.next_target is NextTarget.QUEUED,
+        next_target=registers.next_target,
         done_is_in_position=registers.done_means is DoneMeans.IN_POSITION,
         bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
         added_frames=axis.added_frames is AddedFrames.AUTO,

@@ -9,6 +9,18 @@ from enum import Enum
 from typing import Final, NamedTuple
 
 
+class NextTarget(Enum):
+    """What a drive does with a new target while it moves to another one."""
+
+    AT_ONCE = "at-once"
+    """It moves to the new target."""
+    QUEUED = "queued"
+    """It completes the earlier target first."""
+    UNKNOWN = "unknown"
+    """The controller decides with each start (CiA 402: bit 5 of the control word), or a start may be
+    ignored."""
+
+
 class Action(Enum):
     """The meaning of a value of a mode or trigger register; the value is the key in profiles."""
 

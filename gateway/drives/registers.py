@@ -7,7 +7,7 @@ from typing import Annotated, Final
 
 from pydantic import Field, model_validator
 
-from gateway.drives.motion import Addressing, Form, MotionPlan
+from gateway.drives.motion import Addressing, Form, MotionPlan, NextTarget
 from gateway.drives.rules import ModeSource, ModeSpec, TriggerSpec
 from gateway.drives.strict import ByName, ListOf, Planned, StrictModel, documented
 from gateway.drives.words import LAST_ADDRESS, Address, Bit
@@ -37,15 +37,6 @@ class DoneMeans(Enum):
     """The last move has ended."""
     IN_POSITION = "in-position"
     """It is near its momentary setpoint, also on the way."""
-
-
-class NextTarget(Enum):
-    """What a drive does with a new target while it moves to another one."""
-
-    AT_ONCE = "at-once"
-    """It moves to the new target."""
-    QUEUED = "queued"
-    """It completes the earlier target first."""
 
 
 class OnException(Enum):
@@ -343,12 +334,13 @@ class RegisterMap(StrictModel):
     )
     next_target: ByName[NextTarget] = Field(
         default=NextTarget.AT_ONCE,
-        description="what a target does that comes while the axis moves: at-once or queued",
+        description="what a target does that comes while the axis moves: at-once, queued or unknown",
         json_schema_extra=documented(
             text=(
                 "a target that comes during a move. `at-once`: the axis goes there from where it is. "
                 "`queued`: it first goes to the previous one, like CiA 402 drives with sets of "
-                "set-points; its direction then follows the order of the targets"
+                "set-points; its direction then follows the order of the targets. `unknown`: the "
+                "controller decides with each start; where the two directions differ the move is flagged"
             )
         ),
     )

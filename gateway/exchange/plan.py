@@ -7,7 +7,7 @@ from typing import Final
 
 from gateway.compensation.settings import AxisSettings, Setpoints, ThermalSettings
 from gateway.compensation.table import CorrectionTable
-from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan
+from gateway.drives.motion import DIRECT, Addressing, Form, MotionPlan, NextTarget
 from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.modbus.registers import BitField, PositionField
 from gateway.times import NS_PER_MS
@@ -152,8 +152,8 @@ class AxisPlan:
     """After so long without traffic from or to the drive its axis may have been moved."""
     done_drop_ms: float = DEFAULT_DONE_DROP_MS
     """For this time after a target its drive may still report the done of the move before."""
-    queues_targets: bool = False
-    """A target that comes while the axis moves is run after the one before."""
+    next_target: NextTarget = NextTarget.AT_ONCE
+    """What the drive does with a target that comes while the axis moves."""
     done_is_in_position: bool = False
     """Its done bit only says that it is near its present setpoint; the bit is set on the way too."""
     bits: Mapping[str, BitField] = field(default_factory=dict)

@@ -13,11 +13,12 @@ from typing import Final, NamedTuple
 
 from gateway.catalogue import refusals
 from gateway.compensation.correction_spec import NOTHING
+from gateway.compensation.direction import Direction
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.moves import Accepted, EstimateKind, Move, PositionEstimate
 from gateway.compensation.settings import Setpoints
 from gateway.counts import Counts
-from gateway.drives.motion import Action
+from gateway.drives.motion import Action, NextTarget
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, MotionState, RepeatKind
@@ -28,6 +29,8 @@ from gateway.exchange.request import Prefetched, Standstill
 from gateway.modbus.errors import RegisterRangeError
 from gateway.times import NS_PER_MS, NS_PER_S
 
+MAY_BE_UNDER_WAY: Final = frozenset({MotionState.MOVING, MotionState.DONE_REPORTED, MotionState.IN_WINDOW})
+"""States in which the drive may not have completed the last target."""
 SEEN_LATELY_NS: Final = 500 * NS_PER_MS
 """Maximum age of an actual position from which a stream begins, where none can be read."""
 
@@ -314,7 +317,8 @@ def _plan_move(
     if axis.plan.settings.setpoints is Setpoints.STREAM:
         return compensation.plan(nominal_counts, None, now_ns)
     is_doubtful = fresh is None and _is_doubtful(axis, now_ns, Action.ABSOLUTE)
-    is_doubtful |= accepted is None and axis.plan.queues_targets  # other targets may wait before this one
+    # Other targets may wait before this one.
+    is_doubtful |= accepted is None and axis.plan.next_target is NextTarget.QUEUED
     if accepted is not None and accepted.nominal_counts == nominal_counts:
         # Rendered again for a group: the axis moves only by the change of its words (M11).
         estimate = (
@@ -339,13 +343,25 @@ def _plan_move(
     move = compensation.plan(nominal_counts, estimate, now_ns)
     if used is not None:
         is_doubtful |= may_have_passed(axis, nominal_counts + move.correction_counts, used, now_ns)
+    is_doubtful |= _turns_if_queued(axis, move)
     return move._replace(state=move.state._replace(is_unsure=True)) if is_doubtful else move
+
+
+def _turns_if_queued(axis: Axis, move: Move) -> bool:
+    """Whether a target gets the other branch if its drive first completes the one before, as it may."""
+    accepted = axis.compensation.accepted
+    is_either = axis.plan.next_target is NextTarget.UNKNOWN and axis.motion.state in MAY_BE_UNDER_WAY
+    if not is_either or accepted is None:
+        return False
+    steps = move.nominal_counts - accepted.nominal_counts
+    ahead = steps * axis.plan.settings.counts_per_unit > 0
+    return ahead is not (move.state.travel.direction is Direction.FORWARD)
 
 
 def _estimated_position(axis: Axis, nominal_counts: Counts, now_ns: int) -> PositionEstimate | None:
     """Estimate where the axis is, from passing traffic (M6)."""
     accepted = axis.compensation.accepted
-    if accepted is not None and (axis.motion.has_arrived or axis.plan.queues_targets):
+    if accepted is not None and (axis.motion.has_arrived or axis.plan.next_target is NextTarget.QUEUED):
         return PositionEstimate(
             accepted.nominal_counts, EstimateKind.REACHED
         )  # it is there, or will be before it moves to the next target

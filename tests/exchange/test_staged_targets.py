@@ -4,7 +4,7 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.drives.motion import Action, ModePlan, MotionPlan, Operation, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, MotionPlan, NextTarget, Operation, TriggerPlan
 from gateway.exchange.commands import SetGain
 from gateway.exchange.control import switch
 from gateway.exchange.plan import AxisPlan, ControllerPlan, Reference
@@ -528,3 +528,32 @@ def test_a_target_that_could_not_be_written_again_reads_back_as_it_was_written()
     for held in (5010, 4990):
         bench.memory.put(COMMAND, held)
         assert bench.ask(read(COMMAND)) == b"\x03\x04" + COMMAND.pack(5000)
+
+
+# --- a target that comes during a move, where the controller decides what the drive does then -------------
+
+
+@pytest.mark.parametrize(
+    ("at", "target", "told", "direction"),
+    [
+        (30_000, 50_000, 50_010, "unsure"),  # from 30 000 forward, from 100 000 backward
+        (30_000, 20_000, 19_990, "backward"),  # backward from both
+        (30_000, 120_000, 120_010, "forward"),
+    ],
+)
+def test_m6_a_target_during_a_move_is_flagged_where_the_two_directions_differ(
+    at: int, target: int, told: int, direction: str
+) -> None:
+    bench = StagedBench(staged_plan(next_target=NextTarget.UNKNOWN))
+    assert bench.run(100_000) == ("absolute", 100_010)
+    bench.wait(1000)
+    bench.drive.pass_by(at)
+    assert bench.run(target) == ("absolute", told)
+    assert direction_state(bench.line.axes[0]) == direction
+
+
+def test_m6_a_target_at_standstill_is_not_flagged_whatever_the_drive_does_during_a_move() -> None:
+    bench = StagedBench(staged_plan(next_target=NextTarget.UNKNOWN))
+    bench.go_to(100_000)
+    assert bench.run(50_000) == ("absolute", 49_990)
+    assert direction_state(bench.line.axes[0]) == "backward"

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Final
 
 from gateway.compensation.settings import Setpoints
-from gateway.drives.motion import Action, ModePlan, MotionPlan, TriggerPlan
+from gateway.drives.motion import Action, ModePlan, MotionPlan, NextTarget, TriggerPlan
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import COMMAND
@@ -251,7 +251,7 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
         small(
             "s-queued",
             "a drive that goes to the target before first, and whose map says so",
-            plan(queues_targets=True),
+            plan(next_target=NextTarget.QUEUED),
             menu=("to", "read", "status"),
             targets=(9007, 5003, 9019),
             is_buffered=True,
@@ -260,7 +260,7 @@ def _motions(small: Make, small_staged: Make, plan: Plan, staged: Plan) -> tuple
         small(
             "s-queued-silent",
             "the same, and frames that are not answered",
-            plan(queues_targets=True),
+            plan(next_target=NextTarget.QUEUED),
             menu=("to", "read"),
             targets=(9007, 5003),
             answers=("ack", "obey"),

@@ -7,6 +7,7 @@ reason that the gateway gives aloud: an axis that is flagged unsure, that is not
 from typing import TYPE_CHECKING, Any, Final
 
 from gateway.catalogue import exchange_events
+from gateway.drives.motion import NextTarget
 from gateway.exchange.plan import Late, Role
 from gateway.exchange.transaction import Phase, Stopping
 from gateway.modbus.pdu import is_exception
@@ -612,7 +613,8 @@ def _judge_uncertainty(world: "World", number: int, aim: "Aim") -> None:
         # The same words as before the reference was lost, or found: no reading tells (M4).
         is_again |= run.nominal_counts == aim.nominal_counts
     may_fail = world.design.refuses_reads or world.design.answers_before
-    if may_fail or not plan.actual or is_again or plan.queues_targets:  # which may have others to go to first
+    is_queue = plan.next_target is NextTarget.QUEUED  # it may have others to go to first
+    if may_fail or not plan.actual or is_again or is_queue:
         return
     settings = plan.settings
     reach = settings.max_speed * world.reading_age_ns / NS_PER_S * abs(settings.counts_per_unit)

@@ -11,6 +11,7 @@ import pytest
 from gateway.catalogue import exchange_events
 from gateway.catalogue.entry import entries_of
 from gateway.compiled import is_compiled
+from gateway.drives.motion import NextTarget
 from tests.soak import IS_FULL
 from tests.verify import snapshot
 from tests.verify import world as world_module
@@ -199,7 +200,7 @@ def test_a_drive_that_keeps_the_next_target_until_it_is_at_the_one_before_is_see
     world = play(design, *under_way, *arrived, TO_1, ACK)
     assert world.state.axes[0].goes_counts == 4888  # backward
     (plan,) = design.plans
-    said = replace(design, plans=(replace(plan, queues_targets=True),))
+    said = replace(design, plans=(replace(plan, next_target=NextTarget.QUEUED),))
     waiting = play(said, *under_way, TO_1, ACK).state.axes[0].next_run
     assert waiting is not None
     assert waiting.end_counts == 4888
