@@ -73,7 +73,13 @@ _REPEATED: Final = frozenset({Purpose.ACTUAL, Purpose.POLL, Purpose.HOMED, Purpo
 corrected."""
 _NEEDED: Final = frozenset({Purpose.HOMED, Purpose.RULE})
 """Reads without which the gateway would have to guess what a request does."""
-LATER: Final = frozenset({ExceptionCode.ACKNOWLEDGE, ExceptionCode.SERVER_DEVICE_BUSY})
+LATER: Final = frozenset(
+    {
+        ExceptionCode.ACKNOWLEDGE,
+        ExceptionCode.SERVER_DEVICE_BUSY,
+        ExceptionCode.MEMORY_PARITY_ERROR,  # some drives answer a frame with a wrong check sum with it
+    }
+)
 """Exceptions which mean that the same read may succeed later."""
 POLLS: Final = 2
 """Number of position reads at the start that decide whether an axis went to its last target."""
@@ -323,11 +329,11 @@ def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bo
 def is_open(read: AddedFrame, reply: bytes) -> bool:
     """Whether a read was refused in a way that shows nothing: its request is refused with the same code.
 
-    A drive that is busy says nothing about its homed bit or its mode. A position is not needed that much:
+    A drive that is busy, or got a damaged frame, says nothing about its homed bit or its mode. A position is not needed that much:
     without it the target is sent and flagged.
     """
-    is_busy = is_exception(reply) and reply[-1] in LATER
-    return is_absence(reply) or (is_busy and read.purpose in _NEEDED)
+    may_come = is_exception(reply) and reply[-1] in LATER
+    return is_absence(reply) or (may_come and read.purpose in _NEEDED)
 
 
 def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int) -> None:
