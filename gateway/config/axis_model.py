@@ -278,7 +278,9 @@ class AxisSection(StrictModel):
         json_schema_extra=documented(
             text=(
                 "one turn of a rotary axis. The table must cover exactly one turn, with equal "
-                'corrections at both ends; without a table `units` must be `"degree"`'
+                'corrections at both ends; without a table `units` must be `"degree"`. The drive must '
+                "count on over its turns, and go the way of the sign: with one that begins again at 0 or "
+                "takes the shorter way, branch and reading are wrong"
             )
         ),
     )

@@ -81,6 +81,9 @@ LATER: Final = frozenset(
     }
 )
 """Exceptions which mean that the same read may succeed later."""
+LATER_IF_NEEDED: Final = LATER | {ExceptionCode.SERVER_DEVICE_FAILURE}
+"""The same for reads in :data:`_NEEDED`: Oriental drives say so while they are busy. A position that a drive
+always refuses in this way must not be read for ever."""
 POLLS: Final = 2
 """Number of position reads at the start that decide whether an axis went to its last target."""
 _WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.KEPT, Purpose.RULE})
@@ -318,7 +321,7 @@ def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bo
     axis, key = read.axis, (read.axis.plan.name, read.address)
     is_first = not read.is_again and key not in prefetched.refused
     prefetched.refused.add(key)
-    if reply[-1] in LATER or is_absence(reply):
+    if _may_come(read, reply) or is_absence(reply):
         return is_first
     if read.purpose in _NEEDED:
         return False
@@ -329,11 +332,16 @@ def is_asked_again(read: AddedFrame, reply: bytes, prefetched: Prefetched) -> bo
 def is_open(read: AddedFrame, reply: bytes) -> bool:
     """Whether a read was refused in a way that shows nothing: its request is refused with the same code.
 
-    A drive that is busy, or got a damaged frame, says nothing about its homed bit or its mode. A position is not needed that much:
-    without it the target is sent and flagged.
+    A drive that is busy, or got a damaged frame, says nothing about its homed bit or its mode. A position is
+    not needed that much: without it the target is sent and flagged.
     """
-    may_come = is_exception(reply) and reply[-1] in LATER
+    may_come = is_exception(reply) and _may_come(read, reply)
     return is_absence(reply) or (may_come and read.purpose in _NEEDED)
+
+
+def _may_come(read: AddedFrame, reply: bytes) -> bool:
+    """Whether a read that was answered with an exception may succeed later."""
+    return reply[-1] in (LATER_IF_NEEDED if read.purpose in _NEEDED else LATER)
 
 
 def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int) -> None:

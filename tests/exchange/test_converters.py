@@ -182,14 +182,14 @@ def homed(*codes: int) -> tuple[Bench, Converter]:
     return bench, converter
 
 
-@pytest.mark.parametrize("code", [5, 6, 8, 0x0A, 0x0B])
+@pytest.mark.parametrize("code", [4, 5, 6, 8, 0x0A, 0x0B])
 def test_w8_a_homed_bit_that_a_busy_drive_does_not_report_is_read_once_more(code: int) -> None:
     bench, _ = homed(code)
     assert bench.ask(write(COMMAND, 60_000)) == write(COMMAND, 60_000)[:5]
     assert bench.seen == [READ_HOMED, READ_HOMED, read(ACTUAL), write(COMMAND, 60_010)]
 
 
-@pytest.mark.parametrize("code", [5, 6, 8, 0x0A, 0x0B])
+@pytest.mark.parametrize("code", [4, 5, 6, 8, 0x0A, 0x0B])
 def test_m9_a_target_waits_for_the_homed_bit_and_is_no_guess(code: int) -> None:
     bench, _ = homed(code, code)
     assert bench.ask(write(COMMAND, 60_000)) == bytes((0x90, code))

@@ -269,7 +269,7 @@ def test_m2_a_kept_target_is_not_run_in_a_mode_that_the_drive_does_not_report(be
         bench.line.link_up(bench.now_ns)
     bench.drive.put(COMMAND, 5_010)  # 5000 as the gateway before this one corrected it
     bench.send(RUN_PDU)
-    assert bench.answers(bytes.fromhex("83 04")) == bytes.fromhex("03 0700 0001")
+    assert bench.answers(bytes.fromhex("83 02")) == bytes.fromhex("03 0700 0001")
     assert (bench.port.take(), bench.link.sent) == (bytes.fromhex("86 04"), [])
     assert bench.kinds()[-1] == "stored-move"
     set_mode(bench, 1)
