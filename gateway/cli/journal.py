@@ -68,7 +68,7 @@ def show(
 
       pitch-gateway journal show gateway.toml --json | jq '.[] | select(.what == "table")'
     """
-    _, entries = _read(source)
+    _, entries, _ = _read(source)
     chosen = entries[-last:] if last else entries
     output.show(_Shown(chosen), output.Format.INDENTED if as_json else output.Format.TEXT)
 
@@ -98,15 +98,13 @@ def verify(
 
       pitch-gateway journal verify gateway.toml --json
     """
-    verification, _ = _read(source, since)
+    verification, _, _ = _read(source, since)
     last = verification.last
-    problems = list(verification.problems)
     if head is not None and (last is None or last["digest"] != head):
-        problems.append(f"the newest entry is not {head}")
-    output.show(_Verified(verification, problems), output.Format.INDENTED if as_json else output.Format.TEXT)
-    output.print_lines((f"{source}: {problem}" for problem in problems), err=True)
-    if problems:
-        raise typer.Exit(1)
+        verification.problems.append(f"the newest entry is not {head}")
+    form = output.Format.INDENTED if as_json else output.Format.TEXT
+    output.show(verification, form, (*verification.lines(), *output.notes(verification.notes)))
+    _end_with(source, verification)
 
 
 @app.command()
@@ -133,20 +131,17 @@ def export(
     """
     from gateway.files import FileRefusedError, write_file
 
-    content: list[bytes] = []
-    verification, _ = _read(config, copy=content)
+    verification, _, content = _read(config)
     try:
-        write_file(file, b"".join(content), force=force, is_secret=True)
+        write_file(file, content, force=force, is_secret=True)
     except FileExistsError:
         _end(f"{file}: exists already; --force replaces it")
     except FileRefusedError as error:
         _end(f"{file}: {error}")
     except OSError as error:
         _end(f"{file}: cannot be written ({error.strerror or error}); name a file in your own folder")
-    output.print_words(_Verified(verification, verification.problems).lines())
-    output.print_lines((f"{config}: {problem}" for problem in verification.problems), err=True)
-    if verification.problems:
-        raise typer.Exit(1)
+    output.print_words((*verification.lines(), *output.notes(verification.notes)))
+    _end_with(config, verification)
 
 
 @app.command()
@@ -216,37 +211,6 @@ class _Shown:
             yield clean(line.rstrip())  # a program's name could control the terminal
 
 
-@dataclass(frozen=True, slots=True)
-class _Verified:
-    """What a check found."""
-
-    verification: "Verification"
-    problems: Sequence[str]
-
-    def as_data(self) -> JsonObject:
-        """Return it as plain data."""
-        found = self.verification
-        return {
-            "whole": not self.problems,
-            "entries": found.entries,
-            "first": found.first and {key: found.first[key] for key in ("seq", "time", "digest")},
-            "last": found.last and {key: found.last[key] for key in ("seq", "time", "digest")},
-            "notes": list(found.notes),
-            "problems": list(self.problems),
-        }
-
-    def lines(self) -> Iterator[str]:
-        """Yield it in words, without the problems."""
-        first, last = self.verification.first, self.verification.last
-        if first is not None and last is not None:
-            count = self.verification.entries
-            yield f"{count} entries, from {first['time']} to {last['time']}"
-            yield f"newest entry: {last['seq']}, digest {last['digest']}"
-        yield from output.notes(self.verification.notes)
-        if not self.problems:
-            yield "whole: nothing was changed, cut, doubled or reordered"
-
-
 def _short(value: Any) -> str:
     if value is None:
         return "–"
@@ -265,32 +229,30 @@ def _folder_or_exit(config: Path) -> Path:
     return folder
 
 
-def _read(
-    source: Path, since: str | None = None, copy: list[bytes] | None = None
-) -> "tuple[Verification, list[Entry]]":
-    """Return a journal and what is wrong with it; exit with code 1 if it cannot be read.
+def _read(source: Path, since: str | None = None) -> "tuple[Verification, list[Entry], bytes]":
+    """Return a journal, what is wrong with it, and its bytes; exit with code 1 if it cannot be read.
 
-    ``copy`` gets the same bytes.
+    An exported one has no bytes: they are in its file.
     """
-    from gateway.state.interventions import Verification, files_in, head_in, locked
+    from gateway.state.interventions import Verification, read_journal
 
     try:
         if source.suffix == EXPORTED:
             verification = Verification(since=since)
             entries = list(verification.read((source,)))
             verification.finish(is_folder=False)
-            return verification, entries
-        folder = _folder_or_exit(source)
-        with locked(folder):
-            verification = Verification(head_in(folder), since)
-            entries = list(verification.read(files_in(folder)))
-            if copy is not None:
-                copy += (path.read_bytes() for path in files_in(folder))
-        verification.finish()
+            return verification, entries, b""
+        return read_journal(_folder_or_exit(source), since)
     except OSError as error:
         why = f"{error.filename or source}: {error.strerror or error}"
         _end(f"{why}; run this as the gateway's user or as root")
-    return verification, entries
+
+
+def _end_with(source: Path, verification: "Verification") -> None:
+    """Say what is wrong, and end with exit code 1 if anything is."""
+    output.print_lines((f"{source}: {problem}" for problem in verification.problems), err=True)
+    if verification.problems:
+        raise typer.Exit(1)
 
 
 def _end(why: str) -> NoReturn:

@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from gateway.clock import boot_ns, wall_s
+from gateway.plain import JsonObject
 from gateway.state.folder import write_whole
 from gateway.times import NS_PER_S
 
@@ -262,6 +263,29 @@ class Verification:
         for place in self._without_who.values():
             self.problems.append(f"{place}: `who` was taken out, and no entry says so")
 
+    def as_data(self) -> JsonObject:
+        """Return the result as plain data."""
+
+        def ends(entry: Entry | None) -> JsonObject | None:
+            return entry and {key: entry[key] for key in ("seq", "time", "digest")}
+
+        return {
+            "whole": not self.problems,
+            "entries": self.entries,
+            "first": ends(self.first),
+            "last": ends(self.last),
+            "notes": list(self.notes),
+            "problems": list(self.problems),
+        }
+
+    def lines(self) -> Iterator[str]:
+        """Yield the result in words, without notes and problems."""
+        if self.first is not None and self.last is not None:
+            yield f"{self.entries} entries, from {self.first['time']} to {self.last['time']}"
+            yield f"newest entry: {self.last['seq']}, digest {self.last['digest']}"
+        if not self.problems:
+            yield "whole: nothing was changed, cut, doubled or reordered"
+
     def _is_due(self, head: Head) -> bool:
         """Whether the head must be among the entries that were read."""
         return self._needs_beginning or self.first is None or head.seq >= self.first["seq"]
@@ -314,6 +338,21 @@ class Verification:
         jump_s = wall.total_seconds() - (entry["monotonic_ns"] - last["monotonic_ns"]) / NS_PER_S
         if abs(jump_s) > JUMP_S:
             self.notes.append(f"{place}: the clock was set by {jump_s:+.0f} s before this entry")
+
+
+def read_journal(folder: Path, since: str | None = None) -> tuple[Verification, list[Entry], bytes]:
+    """Return what is wrong with the journal of a folder, its good entries, and its bytes as one file.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    with locked(folder):
+        verification = Verification(head_in(folder), since)
+        files = files_in(folder)
+        entries = list(verification.read(files))
+        content = b"".join(path.read_bytes() for path in files)
+    verification.finish()
+    return verification, entries, content
 
 
 # --- Write
