@@ -19,10 +19,8 @@ from gateway.metrology.readings import Survey, check_same_axis, check_uncorrecte
 from gateway.metrology.recipe import from_one_zero
 from gateway.metrology.residue import LeftOut, predicted_residue
 from gateway.plain import JsonObject
-from gateway.report.axis_data import AxisData, Report
-from gateway.report.words import shortest
+from gateway.report.axis_data import AxisData, Report, axis_data_of
 from gateway.report.writing import check_path, put_file, render
-from gateway.tabfile import LoadedTable, axis_of_name
 
 STDOUT: Final = Path("-")
 DEFAULT_SUFFIX: Final = ".png"
@@ -131,24 +129,6 @@ class _Plotted:
     def lines(self) -> Iterator[str]:
         """Yield it in words."""
         yield f"{self.out}: {self.size} bytes"
-
-
-def axis_data_of(loaded: LoadedTable, axis: str | None) -> AxisData:
-    """Return the data of a file: its table, its source, its remarks."""
-    table = loaded.table
-    name = axis or loaded.source.axis or axis_of_name(Path(loaded.file).name) or ""
-    facts = {
-        "file": Path(loaded.file).name,
-        "format": loaded.format,
-        "points": f"{len(table.positions)}",
-        "range": f"{shortest(table.first)} to {shortest(table.last)} {table.units.value}",
-        "SHA-256": loaded.sha256,
-    }
-    notes = (
-        *(f"decided: {decision}" for decision in loaded.source.decisions),
-        *(lint.line_in(Path(loaded.file).name) for lint in loaded.lints),
-    )
-    return AxisData(name, table.units, table, facts=facts, notes=notes)
 
 
 def _with_readings(axis_data: AxisData, options: PlotOptions) -> AxisData:

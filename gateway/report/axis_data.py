@@ -2,11 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
 from gateway.metrology.readings import Survey
 from gateway.metrology.residue import LeftOut
+from gateway.report.words import shortest
+from gateway.tabfile import LoadedTable, axis_of_name
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,3 +41,21 @@ class Report:
     axes: tuple[AxisData, ...]
     made_at: str
     facts: Mapping[str, str] = field(default_factory=dict)
+
+
+def axis_data_of(loaded: LoadedTable, axis: str | None) -> AxisData:
+    """Return the data of a file: its table, its source, its remarks."""
+    table = loaded.table
+    name = axis or loaded.source.axis or axis_of_name(Path(loaded.file).name) or ""
+    facts = {
+        "file": Path(loaded.file).name,
+        "format": loaded.format,
+        "points": f"{len(table.positions)}",
+        "range": f"{shortest(table.first)} to {shortest(table.last)} {table.units.value}",
+        "SHA-256": loaded.sha256,
+    }
+    notes = (
+        *(f"decided: {decision}" for decision in loaded.source.decisions),
+        *(lint.line_in(Path(loaded.file).name) for lint in loaded.lints),
+    )
+    return AxisData(name, table.units, table, facts=facts, notes=notes)

@@ -6,10 +6,9 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-from gateway.cli.table_plot import axis_data_of
 from gateway.commissioning.demo.cycle import DemoObserver, run_round
 from gateway.commissioning.demo.result import REPORT_RUNS, report_of
-from gateway.report.axis_data import Report
+from gateway.report.axis_data import Report, axis_data_of
 from gateway.report.writing import write_report
 from gateway.tabfile import FileContext, inspect_table
 from tests.support.browser import started_browser
