@@ -72,12 +72,13 @@ def keys_of(tables: Any) -> dict[str, str]:
     >>> keys_of({"axis": {"x": {"gain": 0.5, "travel": [0, 10]}}})
     {'axis.x.gain': '0.5', 'axis.x.travel[1]': '0', 'axis.x.travel[2]': '10'}
     """
-    return {key_text(path): json.dumps(value, default=str) for path, value in _leaves(tables, ())}
+    return {key_text(path): json.dumps(value, default=str) for path, value in leaves(tables)}
 
 
-def _leaves(here: Any, path: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
+def leaves(here: Any, path: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:
+    """Yield each value of a document with its key, of lists each element."""
     pairs = here.items() if isinstance(here, dict) else enumerate(here) if isinstance(here, list) else ()
     if not isinstance(here, dict | list) or not here:
         yield path, here
     for key, value in pairs:
-        yield from _leaves(value, (*path, key))
+        yield from leaves(value, (*path, key))

@@ -5,7 +5,7 @@ from typing import Annotated, Final
 from pydantic import AfterValidator, Field
 
 from gateway.config.values import ADDRESS_RULE, FileName, Name, parse_address
-from gateway.drives.strict import ListOf, StrictModel, documented
+from gateway.drives.strict import ListOf, Secret, StrictModel, documented
 from gateway.transport.endpoints import TcpEndpoint
 
 MOST_TOKENS: Final = 16
@@ -30,7 +30,7 @@ class TokenSection(StrictModel):
     """A token that permits viewing, and acknowledging alarms if its key says so."""
 
     name: Name = Field(description="who or what has it, for the log")
-    file: FileName = Field(
+    file: Secret[FileName] = Field(
         description="file that holds the token and nothing else, relative to the configuration file, or "
         "credential:NAME; pitch-gateway token makes one"
     )
@@ -45,7 +45,7 @@ class HttpTlsSection(StrictModel):
     certificate: FileName = Field(
         description="file with the certificate of the page, and those between it and its authority"
     )
-    key: FileName = Field(description="file with the key of that certificate, or credential:NAME")
+    key: Secret[FileName] = Field(description="file with the key of that certificate, or credential:NAME")
     clients: FileName | None = Field(
         default=None,
         description="file with the authorities that sign certificates of clients: a client with one may look",

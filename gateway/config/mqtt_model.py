@@ -7,7 +7,7 @@ from typing import Annotated, Final
 from pydantic import BeforeValidator, Field
 
 from gateway.config.values import FileName
-from gateway.drives.strict import ByName, StrictModel, documented
+from gateway.drives.strict import ByName, Secret, StrictModel, documented
 
 LONGEST_TOPIC: Final = 200
 """Characters of ``base_topic``: with names appended, a topic stays far below MQTT's 65535 bytes."""
@@ -65,7 +65,7 @@ class TlsSection(StrictModel):
         "relative to the configuration file; left out: those of the system",
     )
     cert: FileName | None = Field(default=None, description="file with the gateway's own certificate")
-    key: FileName | None = Field(default=None, description="file with the key of that certificate")
+    key: Secret[FileName | None] = Field(default=None, description="file with the key of that certificate")
 
 
 class MqttSection(StrictModel):
@@ -126,7 +126,7 @@ class MqttSection(StrictModel):
             text=("user name at the broker. Warned of: without `tls`, to another machine"),
         ),
     )
-    password_file: FileName | None = Field(
+    password_file: Secret[FileName | None] = Field(
         default=None,
         description="file that holds the password and nothing else, relative to the configuration file, or "
         "credential:NAME",

@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import BeforeValidator, Field
 
 from gateway.config.values import FileName
-from gateway.drives.strict import StrictModel, documented
+from gateway.drives.strict import Secret, StrictModel, documented
 from gateway.secret_files import CREDENTIAL
 from gateway.transport.certificates import LONGEST_ROLE, TlsFiles
 
@@ -39,7 +39,7 @@ class ControllerTls(StrictModel):
             )
         ),
     )
-    key: FileName = Field(
+    key: Secret[FileName] = Field(
         description='file with the key of that certificate, or "credential:NAME" of the service manager',
         json_schema_extra=documented(
             text=(

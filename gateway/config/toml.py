@@ -13,7 +13,7 @@ _BLANK: Final = re.compile(r"[ \t]*")
 _BLANK_LINES: Final = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 _SCALAR: Final = re.compile(r"[^,\]}#\r\n]*")
-_STRING: Final = re.compile(
+STRING: Final = re.compile(
     r"""
     "{3}(?:[^"\\]|\\.|"{1,2}(?!"))*"{3,5}   # a multi-line string may end in up to two quotes of its own
     | '{3}(?:[^']|'{1,2}(?!'))*'{3,5}
@@ -150,7 +150,7 @@ class _Scanner:
     def _key(self) -> str:
         if self.text[self.at] not in "\"'":
             return self._take(_BARE)
-        quoted = self._take(_STRING)
+        quoted = self._take(STRING)
         inside = quoted[1:-1]
         return inside if quoted[0] == "'" else _ESCAPE.sub(_unescape, inside)
 
@@ -161,7 +161,7 @@ class _Scanner:
         elif first == "{":
             self._inline_table(path)
         elif first in "\"'":
-            self._take(_STRING)
+            self._take(STRING)
         else:
             self._take(_SCALAR)
 
@@ -196,7 +196,7 @@ class _Scanner:
 
     def _take(self, pattern: re.Pattern[str]) -> str:
         found = pattern.match(self.text, self.at)
-        if found is None or (not found[0] and pattern in (_BARE, _STRING, _SCALAR)):
+        if found is None or (not found[0] and pattern in (_BARE, STRING, _SCALAR)):
             raise IndexError(f"nothing to read at {self.at}")
         self.at = found.end()
         return found[0]

@@ -29,12 +29,15 @@ class Mark(Enum):
 
     PLANNED = "planned"
     LIVE = "live"
+    SECRET = "secret"  # noqa: S105 - the name of a mark
 
 
 Planned = Annotated[Element, Mark.PLANNED]
 """The plan has a field of the same name and takes the value as it is (:func:`planned`)."""
 Live = Annotated[Element, Mark.LIVE]
 """A running gateway can take another value; for a table, of any key in it."""
+Secret = Annotated[Element, Mark.SECRET]
+"""The value names a file with a secret."""
 
 
 @cache

@@ -14,7 +14,7 @@ from pydantic import BaseModel
 
 from gateway.compensation.settings import AxisSettings, ThermalSettings
 from gateway.config.axis_model import AxisSection
-from gateway.config.findings import models_in
+from gateway.config.findings import marks_at, models_in
 from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSection
 from gateway.config.load import load
 from gateway.config.relay_model import RelaySection
@@ -237,3 +237,20 @@ def test_a_reload_takes_over_what_the_relay_can_be_given_and_what_only_the_super
 )
 def test_everything_else_needs_a_restart(key: str) -> None:
     assert not is_live(key)
+
+
+def test_of_the_keys_that_name_a_file_those_of_secrets_are_marked() -> None:
+    is_secret = {
+        f"{path}.{key}": Mark.SECRET in marks_at(model, (*path.split(".")[1:], key))
+        for kind, model in {**SINGLE, **NAMED}.items()
+        for path, key, about in fields_of(model, kind)
+        if about.startswith("file ")
+    }
+    assert {key for key, secret in is_secret.items() if secret} == {
+        *("http.tokens.file", "http.tls.key", "line.controllers.tls.key"),
+        *("mqtt.password_file", "mqtt.tls.key"),
+    }
+    assert {key for key, secret in is_secret.items() if not secret} == {
+        *("http.tls.certificate", "http.tls.clients", "http.tls.revoked", "mqtt.tls.ca", "mqtt.tls.cert"),
+        *(f"line.controllers.tls.{key}" for key in ("certificate", "clients", "revoked")),
+    }
