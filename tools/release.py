@@ -247,8 +247,8 @@ def make(release: Release, work: Path, out: Path, *, has_compiled: bool, has_deb
             shutil.move(next(granted.iterdir()), out)
     with step("list of what is installed"):
         sbom = out / f"pitch-gateway-{release.version}.cdx.json"
-        python, script = str(tools / "bin" / "python"), str(sources / "tools" / "sbom.py")
-        run([python, script, str(installed / "bin" / "python"), str(sources), release.version, str(sbom)])
+        command = ["env", "-C", str(sources), str(tools / "bin" / "python"), "-m", "tools.sbom"]
+        run([*command, str(installed / "bin" / "python"), str(sources), release.version, str(sbom)])
     for suite in SUITES if has_debs else ():
         with step(f"package for {suite}"):
             build_package(sources, suite, work / suite.name, release.epoch, out)

@@ -1,43 +1,38 @@
-"""Writes the list of what is installed, as CycloneDX: ``sbom.py PYTHON SOURCES VERSION FILE``.
+"""Writes the list of what is installed, as CycloneDX: ``python -m tools.sbom PYTHON SOURCES VERSION FILE``.
 
 PYTHON is that of an environment with nothing in it but pitch-gateway and what it runs on, SOURCES the sources
-that it was made from. Runs where cyclonedx-bom is installed (tools/release-requirements.txt), which finds
-names, versions, licences and who needs whom. The hashes are those of deploy/requirements.txt: of each package
-all files that an installation takes, for the Python and the machine decide which one it is.
+that it was made from. Runs where cyclonedx-bom is installed (tools/release-requirements.txt), whose library
+checks the result. The hashes are those of deploy/requirements.txt: of each package all files that an
+installation takes, for the Python and the machine decide which one it is.
 """
 
 import argparse
+import datetime as dt
 import json
+import os
 import re
 import subprocess
 import sys
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
 from cyclonedx.schema import SchemaVersion
 from cyclonedx.validation.json import JsonStrictValidator
 
+from gateway.commissioning.evidence.inventory import by_name, normal, sbom
+
 SCHEMA = SchemaVersion.V1_6
 
 
-def found(python: Path, sources: Path) -> dict[str, Any]:
-    """Return what cyclonedx-bom finds in an environment, without times and random numbers."""
-    command = [sys.executable, "-m", "cyclonedx_py", "environment", "--output-reproducible", "--no-validate"]
-    command += [
-        "--spec-version",
-        SCHEMA.to_version(),
-        "--pyproject",
-        str(sources / "pyproject.toml"),
-        str(python),
-    ]
-    done = subprocess.run(command, stdout=subprocess.PIPE, check=True)
-    bom: dict[str, Any] = json.loads(done.stdout)
+def found(python: Path, version: str) -> dict[str, Any]:
+    """Return what is installed in an environment, with the time of the commit."""
+    command = [str(python), "-c", "import sysconfig; print(sysconfig.get_path('purelib'))"]
+    folder = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout.strip()
+    bom = sbom(by_name(distributions(path=[folder])), version)
+    if epoch := os.environ.get("SOURCE_DATE_EPOCH"):
+        bom["metadata"]["timestamp"] = dt.datetime.fromtimestamp(int(epoch), dt.UTC).isoformat()
     return bom
-
-
-def normal(name: str) -> str:
-    """Return a name as the index of packages spells it."""
-    return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def hashes(requirements: str) -> dict[tuple[str, str], list[str]]:
@@ -49,17 +44,12 @@ def hashes(requirements: str) -> dict[tuple[str, str], list[str]]:
     return pinned
 
 
-def completed(bom: dict[str, Any], version: str, pinned: dict[tuple[str, str], list[str]]) -> dict[str, Any]:
-    """Return the list with our version and with hashes; what is not pinned is refused."""
-    root = bom["metadata"]["component"]
-    root |= {"version": version, "purl": f"pkg:pypi/pitch-gateway@{version}"}
+def completed(bom: dict[str, Any], pinned: dict[tuple[str, str], list[str]]) -> dict[str, Any]:
+    """Return the list with hashes; what is not pinned is refused."""
     for component in bom["components"]:
-        key = normal(component["name"]), component["version"]
+        key = component["name"], component["version"]
         if key not in pinned:
             sys.exit(f"{'=='.join(key)} is installed, but deploy/requirements.txt does not pin it")
-        # Where pip took it from on this machine says nothing to others.
-        others = [each for each in component.get("externalReferences", []) if each["type"] != "distribution"]
-        component["externalReferences"] = others
         # Of each file of this version that deploy/requirements.txt lets in.
         component["hashes"] = [{"alg": "SHA-256", "content": each} for each in pinned[key]]
     return bom
@@ -74,7 +64,7 @@ def main() -> None:
     parser.add_argument("file", type=Path)
     options = parser.parse_args()
     pinned = hashes((options.sources / "deploy" / "requirements.txt").read_text())
-    bom = completed(found(options.python, options.sources), options.version, pinned)
+    bom = completed(found(options.python, options.version), pinned)
     text = json.dumps(bom, indent=2, ensure_ascii=False) + "\n"
     if error := JsonStrictValidator(SCHEMA).validate_str(text):
         sys.exit(f"what was made is no CycloneDX {SCHEMA.to_version()}: {str(error).splitlines()[0]}")

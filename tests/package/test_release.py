@@ -344,8 +344,8 @@ def test_what_is_installed_without_a_pin_gets_into_no_list(tmp_path: Path) -> No
     pip = [str(environment / "bin/pip"), "install", "--quiet", "--no-index", "--find-links", str(tools)]
     subprocess.run([*pip, "cyclonedx-bom"], check=True)
     python = str(environment / "bin/python")
-    command = [python, str(ROOT / "tools/sbom.py"), python, str(ROOT), VERSION, str(tmp_path / "out")]
-    done = ran(*command)
+    command = [python, "-m", "tools.sbom", python, str(ROOT), VERSION, str(tmp_path / "out")]
+    done = ran(*command, cwd=ROOT)
     assert done.returncode == 1
     assert re.search(
         r"^\S+==\S+ is installed, but deploy/requirements.txt does not pin it$", done.stderr, re.MULTILINE

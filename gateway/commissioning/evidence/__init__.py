@@ -1,0 +1,1 @@
+"""The folder for an auditor: ``pitch-gateway evidence`` (docs/evidence.md)."""
