@@ -32,6 +32,7 @@ COMMANDS: Final = (
     "reference",
     "reload",
     "journal",
+    "evidence",
     "capture",
     "record",
     "replay",
