@@ -11,9 +11,10 @@ import pytest
 from gateway.commissioning.evidence.folder import Evidence, EvidenceError, gather, without_secrets, write
 from gateway.config.findings import read_document
 from gateway.config.load import load
+from gateway.drives import library
 from gateway.state.interventions import Intervention, files_in
 from tests.support.commands import Typed, typed
-from tests.support.config import axis, gateway_toml, line, one_axis, section, tcp
+from tests.support.config import RAMP, axis, gateway_toml, line, one_axis, section, tcp
 from tests.support.config import written as written_config
 from tests.support.interventions import written as written_journal
 
@@ -178,17 +179,30 @@ def test_what_is_not_whole_is_said_and_the_rest_is_written(tmp_path: Path) -> No
     assert "tables/x-x.tab.html" not in names(out)
 
 
-def test_before_the_first_start_there_is_no_journal_and_each_step_is_said(tmp_path: Path) -> None:
-    table = axis(compensation="on", table="x.tab")
-    config = written_config(tmp_path, gateway_toml(line(5020, {"cnc": 5021}), table))
+def test_each_step_is_said_and_what_check_warns_of_and_each_named_file_is_there(tmp_path: Path) -> None:
+    text = gateway_toml(
+        line(5020, {"cnc": {"tcp": "0.0.0.0:5021", "role": "motion"}}),
+        axis(compensation="on", table="x.tab", cross=[{"axis": "y", "table": "xy.tab"}]),
+        axis("y", None, unit_id=2, compensation="off", drive="./drives/mine.toml"),
+    )
+    config = written_config(tmp_path, text, {"x.tab": RAMP, "xy.tab": RAMP})
+    (tmp_path / "drives").mkdir()
+    drive = library.text_of("oriental-az").encode()
+    (tmp_path / "drives" / "mine.toml").write_bytes(drive)
     steps: list[str] = []
     made = gather(load(config), steps.append)
     assert steps == ["what is installed", "IEC 62443-4-2", "journal of interventions", "table x.tab"]
+    assert made.problems == []
     where = tmp_path / "state" / "interventions"
     assert f"{where}: there is no journal; the supervisor begins one when it first runs" in made.notes
-    assert made.problems == []
-    assert b"## Journal of interventions\n\n- none\n" in made.files["INDEX.md"]
+    [warning] = [note for note in made.notes if "may move the drives" in note]
+    index = made.files["INDEX.md"].decode()
+    assert f"\n- {warning}\n" in index
+    assert "## Journal of interventions\n\n- none\n" in index
     assert "journal.jsonl" not in made.files
+    assert made.files["drives/drives_mine.toml"] == drive
+    assert made.files["tables/xy.tab"] == RAMP.encode()
+    assert "| `tables/xy.tab` | correction table | `" in index
 
 
 def refused(config: Path, out: Path) -> str:

@@ -8,7 +8,7 @@ import re
 import shutil
 import tempfile
 import tomllib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import distributions
 from importlib.resources import files
@@ -18,7 +18,7 @@ from typing import Any, Final
 from gateway import __version__
 from gateway.clock import now_utc
 from gateway.commissioning.evidence.inventory import add_records, by_name, sbom, serial_number, vex
-from gateway.commissioning.evidence.requirements import as_csv, as_markdown
+from gateway.commissioning.evidence.requirements import as_csv, as_markdown, counts
 from gateway.config.compile import leaves
 from gateway.config.findings import Document, marks_at
 from gateway.config.load import Loaded
@@ -83,8 +83,8 @@ def gather(loaded: Loaded, say: Callable[[str], None]) -> Evidence:
         EvidenceError: the journal or a file of the configuration cannot be read.
     """
     made = Evidence()
-    document, name = loaded.document, loaded.sections.gateway.name
-    facts = {"name": name, "version": __version__, "digest": document.sha256}
+    document = loaded.document
+    facts = {"name": loaded.sections.gateway.name, "version": __version__, "digest": document.sha256}
     say("what is installed")
     _add_inventory(made)
     say("IEC 62443-4-2")
@@ -98,10 +98,14 @@ def gather(loaded: Loaded, say: Callable[[str], None]) -> Evidence:
     _add(made, "configuration.toml", without_secrets(document))
     say("journal of interventions")
     journal = _journal(made, loaded.state_folder / FOLDER_NAME)
-    for path, table, axis, problems in _tables(loaded):
-        say(f"table {path.name}")
-        _add_table(made, path, table, axis)
-        made.problems += [f"axis {axis}: {problem}" for problem in problems]
+    made.notes += [f"warning: {each}" for each in loaded.warnings]
+    for name, reading in loaded.readings.items():
+        say(f"table {reading.path.name}")
+        _add_table(made, reading.path, None if reading.table is None else reading.table.source, name)
+        made.problems += [f"axis {name}: {each}" for each in reading.problems]
+        made.notes += [f"warning: {each}" for each in reading.findings.warnings]
+    for cross in (each for crosses in loaded.crosses.values() for each in crosses):
+        made.files[f"tables/{cross.path.name}"] = _read(cross.path)
     for drive in {each.name for each in loaded.drives.values() if not each.is_shipped}:
         made.files[f"drives/{drive.removeprefix('./').replace('/', '_')}"] = _read(loaded.path.parent / drive)
     _add(made, INDEX, _index(made, loaded, journal))
@@ -251,16 +255,6 @@ def _journal(made: Evidence, folder: Path) -> list[str]:
     return [*verification.lines(), *(["not whole: see above"] if verification.problems else [])]
 
 
-def _tables(loaded: Loaded) -> Iterator[tuple[Path, LoadedTable | None, str, list[str]]]:
-    """Yield each table file with its content, its axis and what is wrong with it."""
-    for name, reading in loaded.readings.items():
-        table = None if reading.table is None else reading.table.source
-        yield reading.path, table, name, [str(problem) for problem in reading.problems]
-    for name, crosses in loaded.crosses.items():
-        for cross in crosses:
-            yield cross.path, None, name, []
-
-
 def _add_table(made: Evidence, path: Path, table: LoadedTable | None, axis: str) -> None:
     if not path.is_file():
         return  # its problem says so
@@ -285,6 +279,7 @@ def _index(made: Evidence, loaded: Loaded, journal: list[str]) -> str:
         "pitch-gateway": __version__,
         "Python, system": f"{platform.python_version()}, {system.sysname} {system.release} {system.machine}",
         "configuration": f"`{loaded.path.absolute()}`, SHA-256 `{loaded.document.sha256}`",
+        "IEC 62443-4-2": ", ".join(f"{n} {each}" for each, n in counts(loaded.document.tables).items()),
         "support until": filled["support_until"],
         "answers within 24 hours": filled["answers_within_24_hours"],
     }

@@ -70,15 +70,15 @@ def state_of(key: str, tables: Mapping[str, Any]) -> str:
     ('nothing to set', 'not set')
     """
     if EITHER in key:
-        found = {state_of(each, tables) for each in key.split(EITHER)}
-        return next(state for state in (SET, PARTLY, NOT_SET, NOTHING) if state in found)
+        states = {state_of(each, tables) for each in key.split(EITHER)}
+        return next(state for state in (SET, PARTLY, NOT_SET, NOTHING) if state in states)
     is_negated = key.startswith(NOT)
-    counts = Counter(_settings(key.removeprefix(NOT).split("."), tables))
-    if not counts:
+    found = Counter(_settings(key.removeprefix(NOT).split("."), tables))
+    if not found:
         return NOTHING
-    if len(counts) == 2:
+    if len(found) == 2:
         return PARTLY
-    return SET if counts[not is_negated] else NOT_SET
+    return SET if found[not is_negated] else NOT_SET
 
 
 def _settings(path: list[str], tables: Mapping[str, Any]) -> Iterator[bool]:
@@ -101,11 +101,16 @@ def _settings(path: list[str], tables: Mapping[str, Any]) -> Iterator[bool]:
             yield table.get(rest[-1]) not in (None, False, [])
 
 
+def counts(tables: Mapping[str, Any]) -> dict[str, int]:
+    """Return how many requirements have each verdict."""
+    found = Counter(verdict_here(each, tables) for each in requirements())
+    return dict(sorted(found.items()))
+
+
 def as_markdown(tables: Mapping[str, Any], version: str) -> str:
     """Return the judged table as a document."""
     rows = requirements()
-    counts = Counter(verdict_here(each, tables) for each in rows)
-    counted = [f"| {verdict} | {count} |" for verdict, count in sorted(counts.items())]
+    counted = [f"| {verdict} | {count} |" for verdict, count in counts(tables).items()]
     lines = []
     for each in rows:
         keys = "".join(f"<br>`{key}`: {state_of(key, tables)}" for key in each.keys)

@@ -91,6 +91,7 @@ async def test_strangers_see_the_page_that_asks_and_whether_all_is_well(visitor:
     index = await visitor.ask("/")
     assert (index.status, index.headers["cache-control"]) == (401, "no-store")
     assert b'<form id="form"' in index.body
+    assert b'type="password"' in index.body
     assert index.headers["content-security-policy"].startswith("default-src 'none'; script-src 'self'")
     for name in ("page.css", "login.css", "login.js", "theme.js", "icon.svg"):
         assert f"page/{name}".encode() in index.body or name == "icon.svg"
