@@ -28,6 +28,7 @@ COMMANDS = (
     "enable {}",
     "disable {}",
     "reference {} x --yes",
+    "evidence {} --out never",
     "table show {}",
     "table explain {} --at 0",
     "table lint {}",

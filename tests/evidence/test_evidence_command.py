@@ -179,6 +179,18 @@ def test_what_is_not_whole_is_said_and_the_rest_is_written(tmp_path: Path) -> No
     assert "tables/x-x.tab.html" not in names(out)
 
 
+def test_a_table_that_is_gone_is_said_and_the_rest_is_there(tmp_path: Path) -> None:
+    config = written_config(tmp_path, one_axis(5020, 5021), {"other.tab": RAMP})
+    made = gather(load(config, forgives_tables=True), lambda step: None)
+    [problem] = made.problems
+    lines = config.read_text().splitlines()
+    number = lines.index('table = "x.tab"') + 1
+    assert problem.startswith(
+        f"axis x: {config}:{number}: axis.x.table: there is no x.tab in {tmp_path}/tables; "
+    )
+    assert not [name for name in made.files if name.startswith("tables/")]
+
+
 def test_each_step_is_said_and_what_check_warns_of_and_each_named_file_is_there(tmp_path: Path) -> None:
     text = gateway_toml(
         line(5020, {"cnc": {"tcp": "0.0.0.0:5021", "role": "motion"}}),
@@ -191,7 +203,7 @@ def test_each_step_is_said_and_what_check_warns_of_and_each_named_file_is_there(
     (tmp_path / "drives" / "mine.toml").write_bytes(drive)
     steps: list[str] = []
     made = gather(load(config), steps.append)
-    assert steps == ["what is installed", "IEC 62443-4-2", "journal of interventions", "table x.tab"]
+    assert steps == ["journal of interventions", "what is installed", "IEC 62443-4-2", "table x.tab"]
     assert made.problems == []
     where = tmp_path / "state" / "interventions"
     assert f"{where}: there is no journal; the supervisor begins one when it first runs" in made.notes

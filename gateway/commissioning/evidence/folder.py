@@ -1,5 +1,6 @@
 """The folder for an auditor: what is in it, made in memory, and written whole or not at all."""
 
+import contextlib
 import hashlib
 import json
 import os
@@ -85,6 +86,8 @@ def gather(loaded: Loaded, say: Callable[[str], None]) -> Evidence:
     made = Evidence()
     document = loaded.document
     facts = {"name": loaded.sections.gateway.name, "version": __version__, "digest": document.sha256}
+    say("journal of interventions")
+    journal = _journal(made, loaded.state_folder / FOLDER_NAME)
     say("what is installed")
     _add_inventory(made)
     say("IEC 62443-4-2")
@@ -96,8 +99,6 @@ def gather(loaded: Loaded, say: Callable[[str], None]) -> Evidence:
     rows = "\n".join(f"| {' | '.join(row)} |" for row in axes)
     _add(made, "substantial-modification.md", _filled("substantial-modification.md", {**facts, "axes": rows}))
     _add(made, "configuration.toml", without_secrets(document))
-    say("journal of interventions")
-    journal = _journal(made, loaded.state_folder / FOLDER_NAME)
     made.notes += [f"warning: {each}" for each in loaded.warnings]
     for name, reading in loaded.readings.items():
         say(f"table {reading.path.name}")
@@ -256,9 +257,8 @@ def _journal(made: Evidence, folder: Path) -> list[str]:
 
 
 def _add_table(made: Evidence, path: Path, table: LoadedTable | None, axis: str) -> None:
-    if not path.is_file():
-        return  # its problem says so
-    made.files[f"tables/{path.name}"] = _read(path)
+    with contextlib.suppress(EvidenceError):  # the problem of its reading says so
+        made.files[f"tables/{path.name}"] = _read(path)
     if table is None:
         return
     report = Report(f"Correction table {path.name}", (axis_data_of(table, axis),), "")
