@@ -279,7 +279,7 @@ def _index(made: Evidence, loaded: Loaded, journal: list[str]) -> str:
         "pitch-gateway": __version__,
         "Python, system": f"{platform.python_version()}, {system.sysname} {system.release} {system.machine}",
         "configuration": f"`{loaded.path.absolute()}`, SHA-256 `{loaded.document.sha256}`",
-        "IEC 62443-4-2": ", ".join(f"{n} {each}" for each, n in counts(loaded.document.tables).items()),
+        "IEC 62443-4-2": "; ".join(f"{n} {each}" for each, n in counts(loaded.document.tables).items()),
         "support until": filled["support_until"],
         "answers within 24 hours": filled["answers_within_24_hours"],
     }
