@@ -11,8 +11,8 @@ from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from gateway.supervisor.http.answers import (
+    ALWAYS,
     BODY_BYTES,
-    CONTENT_SECURITY_POLICY,
     HEAD_BYTES,
     TARGET_BYTES,
     problem,
@@ -30,12 +30,6 @@ NOT_THERE: Final = 404
 _NEVER: Final = frozenset((400, 405, 411, 413, 414, 415, 421, 431, 505))
 _HOST: Final = re.compile(r"(?:\[(?P<v6>[0-9A-Fa-f:.]+)\]|(?P<host>[A-Za-z0-9._-]+))(?::[0-9]*)?")
 _CLOSE: Final = {"Connection": "close"}
-_ALWAYS: Final = (
-    (b"content-security-policy", CONTENT_SECURITY_POLICY.encode("ascii")),
-    (b"x-content-type-options", b"nosniff"),
-    (b"referrer-policy", b"no-referrer"),
-    (b"cross-origin-resource-policy", b"same-origin"),
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +71,7 @@ class Guard:
                 message["headers"] = [
                     *message["headers"],
                     (b"date", formatdate(usegmt=True).encode("ascii")),
-                    *_ALWAYS,
+                    *ALWAYS,
                 ]
             await send(message)
 
