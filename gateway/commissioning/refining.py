@@ -69,7 +69,7 @@ def refine(loaded: LoadedTable, survey: Survey, out: Path, options: RefineOption
     check_corrected(survey.source, survey.facts, file.name, loaded.sha256)
     old = loaded.table.in_units(survey.units)
     asked = options.out.writing(letter_for(loaded, source.axis, out))
-    writing = _as_old(replace(asked, is_modulo=is_modulo(loaded, loaded.table)), loaded, target, source)
+    writing = as_old(replace(asked, is_modulo=is_modulo(loaded, loaded.table)), loaded, target, source)
     steepest = steep_allowed(survey, options.max_slope)
     refined = refine_table(
         old,
@@ -140,12 +140,14 @@ def letter_for(loaded: LoadedTable, axis: str | None, out: Path) -> str | None:
     return axis or loaded.source.axis or axis_of_name(out.name) or axis_of_name(Path(loaded.file).name)
 
 
-def _as_old(asked: WriteOptions, loaded: LoadedTable, target: Dialect, source: ReadOptions) -> WriteOptions:
+def as_old(asked: WriteOptions, loaded: LoadedTable, target: Dialect, source: ReadOptions) -> WriteOptions:
     """Complete the options for writing OUT by those for reading FILE."""
     scale, sense, file_axis = asked.file_counts_per_unit, asked.sense, asked.file_axis
     if scale is None and "file_counts_per_unit" in target.writes:
         scale = source.file_counts_per_unit
     if target.name == loaded.format:  # a reader of FILE reads OUT in the same way
+        if "file_counts_per_unit" in target.writes:  # the file may state it itself
+            scale = scale or loaded.source.context.file_counts_per_unit
         sense = sense or loaded.source.context.error_sense
         file_axis = file_axis or loaded.source.file_axis
     layout = source.v1_layout if "v1_layout" in target.writes else None

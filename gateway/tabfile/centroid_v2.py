@@ -21,6 +21,7 @@ is refused.
 """
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from math import floor, inf
 from typing import Final
 
@@ -121,11 +122,12 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     )
     check_home(source, rows, context)
     unused = ("file_counts_per_unit",) if header.counts == 1 else ()
+    stated = None if header.counts == 1 else header.counts / (header.intervals * header.step)
     rule = "value = target - measured, added unchanged; {} list (towards {} positions)"
     return Decoded(
         rows,
         header.units,
-        context,
+        replace(context, file_counts_per_unit=context.file_counts_per_unit or stated),
         _VALUE_UNITS[header.units],
         rule.format("first", "greater"),
         rule.format("second", "smaller"),

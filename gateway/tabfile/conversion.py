@@ -63,7 +63,9 @@ def converted(table: CorrectionTable, target: Dialect, options: WriteOptions) ->
         written = replace(written, context=replace(written.context, format=target.name))
     loaded = parse_table(data, name, written.context)
     again = loaded.table.in_units(table.units)
-    return Converted(written, *largest_difference(_rows(table), _rows(again)), modulo=loaded.source.modulo)
+    return Converted(
+        written, *largest_difference(rows_of(table), rows_of(again)), modulo=loaded.source.modulo
+    )
 
 
 def is_modulo(loaded: LoadedTable, table: CorrectionTable) -> bool:
@@ -118,7 +120,8 @@ def reader_lines(written: Written, target: Dialect) -> list[str]:
     return [f"to read it, give: {options}"] if options else []
 
 
-def _rows(table: CorrectionTable) -> list[SourceRow]:
+def rows_of(table: CorrectionTable) -> list[SourceRow]:
+    """Return the points of a table as rows of no file."""
     points = zip(table.positions, table.forward, table.backward, strict=True)
     return [SourceRow(x, forward, backward, 0.0, 0.0, None, None) for x, forward, backward in points]
 

@@ -70,6 +70,8 @@ class Dialect(Struct, frozen=True):
     """1: its files hold one correction for both directions."""
     is_writable: bool = True
     """False if no system reads such files; :meth:`write` then raises."""
+    moves_points: bool = False
+    """A value is where the nut is, so that another correction moves its point."""
     writes: frozenset[str] = frozenset()
     """Names of the :class:`WriteOptions` that its writer uses, besides ``axis`` and ``is_modulo``."""
 
@@ -190,6 +192,7 @@ DIALECTS: Final = (
     _of(mint)(
         units=UnitsOf.TOLD,
         suffix=mint.SUFFIX,
+        moves_points=True,
         writes=frozenset({"file_axis"}),
     ),
     _of(heidenhain)(
