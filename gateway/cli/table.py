@@ -11,11 +11,12 @@ from gateway.cli.arguments import TableFile
 from gateway.cli.options import takes_options
 from gateway.cli.output import Format, StderrLine
 from gateway.cli.table_convert import convert
+from gateway.cli.table_edit import edit
 from gateway.cli.table_formats import formats
-from gateway.cli.table_options import AsJson
+from gateway.cli.table_options import AsJson, MaxCorrection, MaxSlope
 from gateway.cli.table_output import PLAIN_WIDTH, TableShown, explained
 from gateway.cli.table_plot import plot
-from gateway.cli.table_reading import inspect, problems
+from gateway.cli.table_reading import inspect, problems, with_limits
 from gateway.cli.table_template import template
 from gateway.commissioning.table_options import Counts, ReadOptions
 from gateway.plain import JsonObject
@@ -35,6 +36,7 @@ app.command("evaluate")(table_evaluate.evaluate)
 app.command("drift")(table_drift.drift)
 app.command("program")(table_program.program)
 app.command("plot")(plot)
+app.command("edit")(edit)
 
 FAILING: Final = frozenset({"L4"})
 """Warnings that end ``lint`` like errors: a wrong unit leaves the axis practically uncorrected."""
@@ -101,10 +103,8 @@ def lint(
     *,
     source: ReadOptions,
     counts_per_unit: Counts = None,
-    max_slope: Annotated[float | None, typer.Option(help="Limit of |slope|; default: 0.01.")] = None,
-    max_correction: Annotated[
-        float | None, typer.Option(help="Limit of |correction|; default: 0.5 mm, or 0.3 mm/m.")
-    ] = None,
+    max_slope: MaxSlope = None,
+    max_correction: MaxCorrection = None,
     strict: Annotated[bool, typer.Option("--strict", help="Fail on every warning.")] = False,
     json: AsJson = False,
 ) -> None:
@@ -120,9 +120,7 @@ def lint(
     """
     form = Format.INDENTED if json else Format.TEXT
     with problems():
-        context = replace(source.context(counts_per_unit), max_correction=max_correction)
-        if max_slope is not None:
-            context = replace(context, max_slope=max_slope)
+        context = with_limits(source.context(counts_per_unit), max_slope, max_correction)
         try:
             loaded = inspect(file, context)
         except TabFileError as error:

@@ -17,6 +17,10 @@ from gateway.tabfile import V1Layout
 OutFile = Annotated[
     Path, typer.Argument(metavar="OUT", help="File to write.", show_default=False, readable=False)
 ]
+MaxSlope = Annotated[float | None, typer.Option(help="Limit of |slope|; default: 0.01.")]
+MaxCorrection = Annotated[
+    float | None, typer.Option(help="Limit of |correction|; default: 0.5 mm, or 0.3 mm/m.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON.")]
 Target = Annotated[
     str, Option("Format of OUT: see 'table formats'.", "to", metavar="FORMAT", one_of=writable_names)

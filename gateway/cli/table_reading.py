@@ -14,6 +14,7 @@ from gateway.compensation.units import Units
 from gateway.metrology.errors import MetrologyError
 from gateway.tabfile import (
     ContextError,
+    Dialect,
     FileContext,
     LoadedTable,
     TabFileError,
@@ -29,17 +30,28 @@ def inspect(file: Path, context: FileContext) -> LoadedTable:
     Raises:
         TabFileError: see :func:`gateway.tabfile.inspect_table`.
     """
-    units_of = dialect_of(file, context.format).units
-    if units_of is UnitsOf.FILE:
-        return inspect_table(file, replace(context, same_units=True))
-    if units_of is UnitsOf.TOLD:
-        return inspect_table(file, replace(context, file_units=context.units))
-    if context.units is not None:
-        return inspect_table(file, context)
-    loaded = inspect_table(file, replace(context, units=Units.INCH))
+    dialect = dialect_of(file, context.format)
+    loaded = inspect_table(file, own_units(dialect, context))
+    if dialect.units is not UnitsOf.AXIS or context.units is not None:
+        return loaded
     decision = "units inch: assumed, because the file states none and --units was not given"
     source = replace(loaded.source, decisions=(decision, *loaded.source.decisions))
     return replace(loaded, source=source)
+
+
+def own_units(dialect: Dialect, context: FileContext) -> FileContext:
+    """Return a context for reading a file in its own units; see :func:`inspect`."""
+    if dialect.units is UnitsOf.FILE:
+        return replace(context, same_units=True)
+    if dialect.units is UnitsOf.TOLD:
+        return replace(context, file_units=context.units)
+    return context if context.units is not None else replace(context, units=Units.INCH)
+
+
+def with_limits(context: FileContext, max_slope: float | None, max_correction: float | None) -> FileContext:
+    """Return a context with the given limits of an axis."""
+    context = replace(context, max_correction=max_correction)
+    return context if max_slope is None else replace(context, max_slope=max_slope)
 
 
 @contextmanager

@@ -1,0 +1,1 @@
+"""``pitch-gateway table edit``: a table seen and edited on a page of this computer."""
