@@ -31,7 +31,7 @@ _PAGE: Final = """\
 <h1>{title}</h1>
 {made_at}{facts}</header>
 <main>
-{axes}{method}</main>
+{axes}{method}{sign}</main>
 <footer><p>Made by pitch-gateway {version}.</p></footer>
 </body>
 </html>
@@ -59,6 +59,17 @@ _PREDICTED: Final = (
     "targets out: each is compared with what all others say of it, and the curves that the readings allow "
     "are taken with the table; only a new measurement at other targets shows it."
 )
+_SIGN: Final = """\
+<section class="sign" aria-label="To fill in and to sign">
+{lines}</section>
+"""
+_FILLED_IN: Final = {
+    "Machine, serial number": ("machine",),
+    "Instrument, certificate": ("instrument", "gauge", "laser"),
+    "Temperature of machine and air": ("temperature",),
+}
+"""What a printed report leaves room for, unless the name of a fact has one of these words."""
+_SIGNED: Final = ("Measured by, date", "Signature", "Released by, date", "Signature")
 MOST_ROWS: Final = 1000
 """Maximum of listed points. Programs read longer tables from their file."""
 ISO_DECIMALS: Final = 2
@@ -80,12 +91,22 @@ def html_page(report: Report, found: Sequence[AxisResults]) -> str:
         method=_METHOD.format(
             readings=_READINGS if measured else "", predicted=_PREDICTED if predicted else ""
         ),
+        sign=_sign(report),
     )
 
 
 def text(words: str) -> str:
     """Return text for a page, with all markup escaped."""
     return escape(clean(words))
+
+
+def _sign(report: Report) -> str:
+    """Return lines for a pen, which only the printed page has."""
+    names = " ".join(
+        name for facts in (report.facts, *(axis.facts for axis in report.axes)) for name in facts
+    )
+    missing = [line for line, words in _FILLED_IN.items() if not any(word in names.lower() for word in words)]
+    return _SIGN.format(lines="".join(f"<p>{line}</p>\n" for line in (*missing, *_SIGNED)))
 
 
 def _facts(facts: Iterable[tuple[str, str]]) -> str:

@@ -89,7 +89,13 @@ def test_it_prints_on_white_a4(browser: Browser, file: Path) -> None:
     boxes = re.findall(rb"/MediaBox \[0 0 (\d+)\.?\d* (\d+)", pdf)
     assert {(int(width), int(height)) for width, height in boxes} <= {(594, 841), (595, 841), (595, 842)}
     assert 4 <= len(boxes) <= 5
+    lines = page.locator(".sign p")
+    assert not lines.first.is_visible()
     page.emulate_media(media="print")
+    assert all(each.is_visible() for each in lines.all())
+    edges = lines.evaluate_all("lines => lines.slice(-4).map(line => line.getBoundingClientRect().x)")
+    # who measured and who released, each beside a signature
+    assert [edge == edges[0] for edge in edges] == [True, False] * 2
     assert page.evaluate("getComputedStyle(document.body).backgroundColor") == "rgb(255, 255, 255)"
     assert page.evaluate("getComputedStyle(document.body).color") == "rgb(27, 33, 41)"
     context.close()

@@ -190,6 +190,16 @@ def test_nothing_comes_from_outside_and_nothing_runs(page: Page) -> None:
 EVIL = '<script>alert("1")</script> & \' $x_1$ --> \x00\x1b[31m\udcff\u202e 数控机床 {} %s'
 
 
+def test_the_printed_page_ends_with_lines_for_what_no_fact_states_and_to_sign() -> None:
+    signed = "Measured by, date Signature Released by, date Signature"
+    filled_in = "Machine, serial number Instrument, certificate Temperature of machine and air"
+    bare = axis_data(facts={"date": "2026-11-21"})
+    assert f"{filled_in} {signed} Made by" in Page(Report("A mill", (bare,), "")).text
+    stated = axis_data(facts={"Laser serial number": "17"})
+    machine = Report("A mill", (bare, stated), "", {"machine": "mill 7"})
+    assert f"straight line. Temperature of machine and air {signed} Made by" in Page(machine).text
+
+
 def test_what_strangers_wrote_is_text() -> None:
     facts = {EVIL: EVIL}
     axis = axis_data(axis=EVIL, facts=facts, notes=(EVIL,))
