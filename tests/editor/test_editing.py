@@ -123,6 +123,12 @@ def test_an_error_keeps_the_table_from_being_saved_and_is_named(file: Path) -> N
     assert list(file.parent.iterdir()) == [file]
 
 
+def test_a_remark_leads_to_no_point_where_its_line_has_several(tmp_path: Path) -> None:
+    editing, _ = sampled(next(each for each in SAMPLES if each.dialect == "aerotech-cal"), tmp_path)
+    remarks = editing.change(1, "forward", 600.0, together=False).remarks  # six values to a line
+    assert [(each.point, each.way) for each in remarks if each.code == "L12"] == [(None, "")]
+
+
 def test_a_value_that_no_table_can_have_is_not_taken(file: Path) -> None:
     editing = opened(file)
     with pytest.raises(EditError, match=r"not changed: .*slope"):
@@ -166,7 +172,7 @@ def test_a_file_that_changed_meanwhile_stays_as_it_is(file: Path, there: bool, w
     copy = file.with_name("cnc10x.tab.edited.bak")
     assert opened(copy).state().now.forward[0] == 7.0
     assert editing.is_changed is True
-    assert editing.conclusion() == f"{file}: the changes since the last save are dropped"
+    assert editing.conclusion() == f"{file}: changes that were not saved are dropped"
 
 
 def test_a_file_of_version_2_keeps_the_counts_in_its_header(tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ from gateway.tabfile import (
 )
 from gateway.tabfile.checks import largest_difference
 from gateway.tabfile.conversion import DECIMALS, is_modulo, rows_of, write, write_text
-from gateway.tabfile.decoded import BRANCHES
+from gateway.tabfile.decoded import BRANCHES, line_of
 from gateway.tabfile.load import read_bytes
 from gateway.tabfile.text import SHOWN_CHARACTERS, decode
 
@@ -222,9 +222,9 @@ class Editing:
             places=list(opened.positions),
             before=self._shown(opened),
             now=self._shown(draft.table if draft.loaded is None else draft.loaded.table),
-            remarks=[]
-            if draft.loaded is None
-            else [_remark(lint, draft.loaded) for lint in draft.loaded.lints],
+            remarks=[
+                _remark(lint, loaded) for loaded in filter(None, [draft.loaded]) for lint in loaded.lints
+            ],
             refusals=draft.refusals,
             notes=self._notes,
             can_undo=self._at > 0,
@@ -240,7 +240,7 @@ class Editing:
     def conclusion(self) -> str:
         """Say what has become of the file, for the end."""
         if self.is_changed:
-            return f"{self.file}: the changes since the last save are dropped"
+            return f"{self.file}: changes that were not saved are dropped"
         return (
             f"{self.file}: {f'saved; the old file is {self._backup.name}' if self._backup else 'not changed'}"
         )
@@ -368,11 +368,15 @@ class Editing:
 
 
 def _remark(lint: Lint, loaded: LoadedTable) -> Remark:
-    for index, row in enumerate(loaded.source.rows):
-        for way, line in zip(BRANCHES, (row.forward_line, row.backward_line), strict=True):
-            if line is not None and line == lint.line:
-                return Remark(lint.code, lint.severity.value, lint.message, index, way)
-    return Remark(lint.code, lint.severity.value, lint.message)
+    places = [
+        (index, way)
+        for index, row in enumerate(loaded.source.rows if lint.line else ())
+        for way in BRANCHES
+        if line_of(row, way) == lint.line
+    ]
+    # Some formats have more points than one on a line.
+    index, way = places[0] if len({index for index, _ in places}) == 1 else (None, "")
+    return Remark(lint.code, lint.severity.value, lint.message, index, way)
 
 
 def _refusal(file: Path, found: str, allowed: str) -> TabFileError:

@@ -357,5 +357,6 @@ window.addEventListener("beforeunload", (event) => {
   }
 });
 const stream = new EventSource("events"); // its end is the end of this tab
+stream.addEventListener("open", () => say(""));
 stream.addEventListener("error", () => say("The program has ended: start table edit again.", true));
 ask(() => ({ do: "show" }));
