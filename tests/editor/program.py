@@ -3,6 +3,7 @@
 import contextlib
 import http.client
 import json
+import os
 import socket
 import subprocess
 from collections.abc import Iterator
@@ -48,7 +49,9 @@ class Program:
 
 
 @contextlib.contextmanager
-def editing(file: Path, program: list[str] = COMMAND) -> Iterator[Program]:
-    command = [*program, "table", "edit", str(file), "--no-browser"]
-    with started(command, cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+def editing(file: Path, *options: str, program: list[str] = COMMAND, **environment: str) -> Iterator[Program]:
+    """Start the command; without a browser, unless the environment names one."""
+    command = [*program, "table", "edit", str(file), *options, *([] if environment else ["--no-browser"])]
+    env = {**os.environ, **environment}
+    with started(command, cwd=ROOT, env=env, stdout=subprocess.PIPE, text=True) as process:
         yield Program(process)

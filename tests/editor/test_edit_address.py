@@ -9,7 +9,7 @@ import pytest
 from tests.editor.desk import UP_TO_HOME
 from tests.editor.program import editing
 from tests.support.commands import typed
-from tests.support.processes import ROOT, SECONDS
+from tests.support.processes import ROOT, SECONDS, eventually
 
 
 @pytest.fixture
@@ -47,6 +47,8 @@ def test_only_the_page_of_this_computer_gets_an_answer(file: Path) -> None:
             (show, {}, 400),
             (show, {"Origin": "http://evil.example"}, 400),
             (show, {"Origin": origin}, 200),
+            (show, {"Origin": "null", "Sec-Fetch-Site": "same-site"}, 400),
+            (show, {"Origin": "null", "Sec-Fetch-Site": "same-origin"}, 200),
             (b"x" * 5000, {"Origin": origin}, 400),
             (b'{"do": "format"}', {"Origin": origin}, 400),
             (b'{"do": "change", "value": 1e999}', {"Origin": origin}, 400),
@@ -76,8 +78,17 @@ def test_it_ends_when_its_tab_is_closed_but_not_with_changes_that_would_be_lost(
         assert program.line() == f"{file}: saved; the old file is cnc10x.tab.bak"
 
 
+def test_a_browser_is_opened_at_the_address(file: Path, tmp_path: Path) -> None:
+    browser, asked = tmp_path / "browser", tmp_path / "asked"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {asked}.part && mv {asked}.part {asked}\n')
+    browser.chmod(0o700)
+    with editing(file, "--axis", "x", BROWSER=f"{browser} %s") as program:
+        eventually(asked.exists, bool)
+        assert program.first == f"{file}: {asked.read_text().strip()}"
+
+
 def test_it_needs_nothing_that_is_unix_only(file: Path) -> None:
-    with editing(file, [sys.executable, "-m", "tests.support.without_unix"]) as program:
+    with editing(file, program=[sys.executable, "-m", "tests.support.without_unix"]) as program:
         assert program.ask("GET", f"/{program.token}/chart.js")[0] == 200
         program.do(do="change", index=0, way="forward", value=7.0)
         status, state = program.do(do="save")

@@ -136,7 +136,11 @@ class _Handler(BaseHTTPRequestHandler):
     def do_POST(self) -> None:
         """Do what the page asks."""
         length = self.headers.get("content-length", "")
-        is_ours = self.headers.get("origin") == f"http://{self.server.host}"
+        # Only a browser sets these two for a page, and not every one sends both.
+        is_ours = (
+            self.headers.get("sec-fetch-site") == "same-origin"
+            or self.headers.get("origin") == f"http://{self.server.host}"
+        )
         if not (is_ours and length.isdecimal() and int(length) <= BODY_BYTES):
             self.close_connection = True
             self._answer(400, b"only the page itself may ask for this, in few bytes")
