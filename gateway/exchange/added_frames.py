@@ -81,9 +81,6 @@ LATER: Final = frozenset(
     }
 )
 """Exceptions which mean that the same read may succeed later."""
-LATER_IF_NEEDED: Final = LATER | {ExceptionCode.SERVER_DEVICE_FAILURE}
-"""The same for reads in :data:`_NEEDED`: Oriental drives say so while they are busy. A position that a drive
-always refuses in this way must not be read for ever."""
 POLLS: Final = 2
 """Number of position reads at the start that decide whether an axis went to its last target."""
 _WRITABLE: Final = frozenset({Purpose.COMMAND, Purpose.KEPT, Purpose.RULE})
@@ -340,8 +337,14 @@ def is_open(read: AddedFrame, reply: bytes) -> bool:
 
 
 def _may_come(read: AddedFrame, reply: bytes) -> bool:
-    """Whether a read that was answered with an exception may succeed later."""
-    return reply[-1] in (LATER_IF_NEEDED if read.purpose in _NEEDED else LATER)
+    """Whether a read that was answered with an exception may succeed later.
+
+    Oriental drives answer with device failure while they are busy. Others always refuse a register so: it
+    counts only for a homed bit that was seen before.
+    """
+    if reply[-1] == ExceptionCode.SERVER_DEVICE_FAILURE:
+        return read.purpose is Purpose.HOMED and read.axis.reference.bit_seen_ns > 0
+    return reply[-1] in LATER
 
 
 def learn(read: AddedFrame, reply: bytes, prefetched: Prefetched, asked_ns: int) -> None:

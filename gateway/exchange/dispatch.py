@@ -232,8 +232,8 @@ def is_acting_on(units: UnitMaps, transaction: Transaction, axes: Sequence[Axis]
 
 
 def rewrites(units: UnitMaps, transaction: Transaction, frames: Iterable[DecodedRequest]) -> bool:
-    """Whether a request is no stop, and writes a register or coil that these frames write too."""
-    if transaction.port is None or transaction.is_stop:
+    """Whether a request writes a register or coil that these frames write too."""
+    if transaction.port is None:
         return False
     return any(
         mine.unit is other.unit

@@ -70,11 +70,23 @@ def finish(request: Request, outcome: Outcome, code: int, now_ns: int) -> None:
             _obeyed(request, command, now_ns)
         else:
             _not_obeyed(request, command, outcome, code, now_ns)
+        if command.modes_written and axis.reference.ends_with_mode and _leaves_homing(command):
+            axis.reference_happens(ReferenceEvent.OTHER_MOTION)  # its bit was read before
         axis.acknowledgement.conclude(axis.motion.unacknowledged)
         end_in_group(request, command, outcome, code, now_ns)
         if command.remaps:
             for member in (axis, *axis.peers):
                 member.end()
+
+
+def _leaves_homing(command: AxisCommand) -> bool:
+    """Whether a request writes a mode that does not home, or one that is unknown."""
+    for mode in command.axis.rules.plan.modes:
+        if mode is not None and mode.address in command.modes_written:
+            word = command.words.get(mode.address)
+            if word is None or mode.action(word) is not Action.HOME:
+                return True
+    return False
 
 
 def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:

@@ -242,11 +242,18 @@ class Scheduler:
         held, unit_id = self._renewal.held, transaction.unit_id
         if held is Held.NOTHING or transaction.port is None or transaction.is_stop:
             return False
-        may_reach_all = unit_id == BROADCAST_UNIT_ID or self._units.aliases.may_reach_axis(unit_id)
-        if not may_reach_all and self._renewal.held_unit_ids.isdisjoint(self._units.partners(unit_id)):
+        has_axis = unit_id in self._units or self._may_reach_axes(unit_id)
+        is_held = not self._renewal.held_unit_ids.isdisjoint(self._units.partners(unit_id))
+        is_held |= has_axis and any(self._may_reach_axes(each) for each in self._renewal.held_unit_ids)
+        if not (is_held or self._may_reach_axes(unit_id)):
             return False
-        has_axis = may_reach_all or unit_id in self._units
         return not transaction.only_reads or (held is Held.ALL and has_axis)
+
+    def _may_reach_axes(self, unit_id: int) -> bool:
+        """Whether a request to a unit id without an axis may reach one, or all."""
+        if unit_id in self._units:
+            return False
+        return unit_id == BROADCAST_UNIT_ID or self._units.aliases.may_reach_axis(unit_id)
 
     def held_read(self, now_ns: int) -> Transaction | None:
         """Return a read that checks if a drive answers, while nothing else may be sent; None: not now."""
@@ -288,7 +295,8 @@ class Scheduler:
         axes += self._units.given_targets(frames)
 
         def is_overtaken(each: Transaction) -> bool:
-            return is_acting_on(self._units, each, axes) or rewrites(self._units, each, frames)
+            rewrites_it = not each.is_stop and rewrites(self._units, each, frames)
+            return rewrites_it or is_acting_on(self._units, each, axes)
 
         for transaction in self._waiting.withdraw(lambda each: not each.is_denied and is_overtaken(each)):
             self._transactions.overtaken(transaction, OVERTAKEN, now_ns)
@@ -321,13 +329,16 @@ class Scheduler:
     def is_answer(self, stop: Transaction, reply: bytes) -> bool:
         """Whether a reply to an early stop ends it: a late reply may come instead.
 
-        A request that waited for the silence may still move its axis. The stop is sent once more behind it
-        then.
+        A request that waited for the silence may still move its axis. And an older stop that is sent once
+        more may write another value to the same register. The stop is sent once more behind them then.
         """
-        unit_id, pdu = stop.unit_id, stop.pdu
-        axes = [command.axis for command in self._units.stops_of(self._units.frames_of(stop))]
+        unit_id, pdu, frames = stop.unit_id, stop.pdu, self._units.frames_of(stop)
+        axes = [command.axis for command in self._units.stops_of(frames)]
         for each in self._waiting.stops:
             if each.stopping is Stopping.ONCE and moves_one_of(self._units, each, axes):
+                return False
+            is_other = each.stopping is Stopping.AGAIN and not each.is_same_stop(stop)
+            if is_other and rewrites(self._units, each, frames):
                 return False
         if pdu[0] in FULL_ECHOES:
             return reply == pdu

@@ -291,7 +291,7 @@ def test_a_homing_that_has_succeeded_makes_the_reference(*, polls: bool) -> None
     """After the mode is another one the bit is clear again, so it is read before that."""
     bench = homing_402()
     bench.drive.put(ACTUAL, 0)
-    bench.wait(1_500)
+    bench.wait(200)
     bench.drive.words[STATUS] = 1 << DONE_BIT | 1 << HOMING_DONE_BIT
     if polls:
         bench.poll()
@@ -300,14 +300,35 @@ def test_a_homing_that_has_succeeded_makes_the_reference(*, polls: bool) -> None
     assert bench.run(20_000) == ("absolute", 20_010)
 
 
+def test_a_homing_that_ends_at_once_makes_the_reference() -> None:
+    """Methods 35 and 37: here is home. The bit is never seen clear."""
+    bench = homing_402()
+    bench.drive.put(ACTUAL, 0)
+    bench.drive.words[STATUS] = 1 << DONE_BIT | 1 << HOMING_DONE_BIT
+    bench.wait(200)
+    bench.poll()
+    assert bench.line.axes[0].reference.is_referenced
+
+
+def test_after_another_mode_the_bit_ends_no_homing_that_failed() -> None:
+    """In that mode it acknowledges a set-point."""
+    bench = homing_402()
+    bench.wait(1_500)
+    bench.poll()
+    bench.ask(MODE_WRITE)
+    bench.drive.words[STATUS] = 1 << DONE_BIT | 1 << HOMING_DONE_BIT
+    bench.poll()
+    assert not bench.line.axes[0].reference.is_referenced
+
+
 def test_a_bit_that_is_still_that_of_the_motion_before_ends_no_homing() -> None:
     """While the mode is positioning, the same bit acknowledges a set-point."""
     bench = homing_402()
     bench.drive.words[STATUS] = 1 << DONE_BIT | 1 << HOMING_DONE_BIT
-    bench.wait(900)  # done_drop_ms = 1000
+    bench.wait(90)
     bench.poll()
     assert not bench.line.axes[0].reference.is_referenced
-    bench.wait(200)
+    bench.wait(20)
     bench.poll()
     assert bench.line.axes[0].reference.is_referenced
 

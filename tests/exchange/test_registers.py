@@ -62,17 +62,22 @@ def starting_bench(**changes: object) -> Bench:
 
 
 class FlagsAreWriteOnly(Memory):
-    """A drive that refuses to report its control flags."""
+    """A drive that refuses to report its control flags, with this code."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__()
+        self.code = code
 
     def answer(self, pdu: bytes) -> bytes:
         is_refused = pdu[0] == 3 and pdu[1:3] == CONTROL_FLAGS.address.to_bytes(2, "big")
-        return b"\x83\x02" if is_refused else super().answer(pdu)
+        return bytes((0x83, self.code)) if is_refused else super().answer(pdu)
 
 
-def test_m2_the_mode_is_known_after_a_first_move_that_resets_it_whatever_it_was() -> None:
+@pytest.mark.parametrize("code", [2, 4])
+def test_m2_the_mode_is_known_after_a_first_move_that_resets_it_whatever_it_was(code: int) -> None:
     bench = Bench(
         axis_plan(command=(TARGET,), actual=(HIGH_FIRST_ACTUAL,), motion=ON_LOW_WORD),
-        memory=FlagsAreWriteOnly(),
+        memory=FlagsAreWriteOnly(code),
     )
     told = []
     for counts in (20_000, 40_000, 30_000, 50_000):

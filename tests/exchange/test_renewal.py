@@ -496,6 +496,14 @@ def test_w5_a_device_whose_write_may_still_be_executed_gets_no_write_until_it_ha
     assert served_by_unit_9(bench, 1000) == [VFD_RUN]  # lost_ms = 1000 after its answer
 
 
+@pytest.mark.parametrize("unit_id", [0, 255])
+def test_w5_a_write_to_another_name_of_the_axes_holds_each_of_them_up(unit_id: int) -> None:
+    bench = drives_off(open_write_to=unit_id)
+    for axis_unit_id in (1, 2):
+        bench.send(READ, controller(f"plc {axis_unit_id}"), unit_id=axis_unit_id)
+        assert (axis_unit_id, READ) not in bench.link.sent
+
+
 def test_w5_a_drive_whose_write_may_still_be_executed_gets_neither_reads_nor_writes() -> None:
     bench = drives_off()
     for pdu in (READ, write(COMMAND, 50_000)):

@@ -338,6 +338,32 @@ def test_m3_the_release_of_a_coil_is_sent_behind_a_stop_of_another_unit() -> Non
     assert bench.seen == [READ_OTHER, SERVO_OFF, SERVO_ON]
 
 
+def test_m3_an_older_stop_that_is_sent_once_more_does_not_undo_a_newer_one() -> None:
+    """Halt keeps the servo on. It is sent once more after servo off, so that is sent once more too."""
+    halt, servo_off = control(0x010F), control(0x0006)
+    motion = MotionPlan(
+        triggers=(
+            TriggerPlan(TRIGGER, mask=0x010F, deeds={0x0F: Operation(Action.IGNORE)}, otherwise=Action.STOP),
+        )
+    )
+    bench = Bench(axis_plan(motion=motion), serial=False, timing=LineTiming(response_timeout_ms=200.0))
+    panel = Port(ControllerPlan("panel", role=Role.OPERATOR))
+    bench.send(READ_OTHER)
+    bench.link.sent.clear()
+    bench.wait(1_000)  # no answer: a late one may come
+    bench.send(halt, panel)
+    assert bench.link.sent == [(1, halt)]
+    bench.link.sent.clear()  # its reply is lost
+    bench.send(servo_off)
+    bench.seen.clear()
+    for _ in range(150):
+        bench.wait(20)
+        bench.serve()
+    assert bench.seen == [servo_off, halt, servo_off]
+    assert bench.port.replies[-1][2] == servo_off
+    assert panel.replies[-1][2] == halt
+
+
 def test_m3_a_stop_of_two_axes_withdraws_the_targets_of_both() -> None:
     other = PositionField(0x0608, RegisterType.INT32, WordOrder.LOW_FIRST)
     plans = [staged_plan(), staged_plan(name="y", command=(other,), actual=(), bits={})]

@@ -645,7 +645,7 @@ class Motion:
             event = MotionEvent.BESIDE
         elif self.compensation.is_stream and self.state is _DONE_REPORTED:
             return  # a stream lags behind its setpoints, done or not
-        elif self.plan.next_target is not NextTarget.AT_ONCE and self.state is not _ARRIVED:
+        elif self.plan.next_target is NextTarget.QUEUED and self.state is not _ARRIVED:
             return  # done may belong to the target before, and the axis may still be there
         else:
             event = MotionEvent.ELSEWHERE

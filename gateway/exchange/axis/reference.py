@@ -223,7 +223,7 @@ class AxisReference:
             self.bit = HOMING_DONE_BIT if HOMING_DONE_BIT in plan.bits else DONE_BIT
         self._settle_ns = SETTLE_NS
         """A bit that is still set so soon after a homing command may be that of the motion before."""
-        if self.bit != HOMED_BIT:
+        if self.bit == DONE_BIT:
             self._settle_ns = max(SETTLE_NS, int(plan.done_drop_ms * NS_PER_MS))
         self.state = REFERENCE_AT_START[plan.referenced]
         self.is_unconfirmed = self.follows_homed_bit
@@ -310,6 +310,11 @@ class AxisReference:
     def awaits_end(self) -> bool:
         """Whether a bit must still show the end of a homing command; that bit does not decide permanently."""
         return self.state is _HOMING and self.kind is Reference.HOMING
+
+    @property
+    def ends_with_mode(self) -> bool:
+        """Whether in another mode that bit means something else."""
+        return self.awaits_end and self.bit == HOMING_DONE_BIT
 
     @property
     def is_lost(self) -> bool:
