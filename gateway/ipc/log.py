@@ -1,10 +1,10 @@
-"""The log of a process on standard error: entries, their format, and the relay's JSON writer.
+"""The log of a process on standard error: entries, their format, and a writer of JSON.
 
 Several processes write into one log. A pipe keeps a line in one piece if it is written at once and has at
 most ``PIPE_BUF`` bytes (pipe(7)). So longer lines are shortened, and say how long they were.
 
-Supervisor and commands write with ``ipc.structured_log``. If standard error goes to the journal, each line
-begins with its priority (sd-daemon(3)).
+``ipc.structured_log`` has the lines for people, and a log that learns its gateway's name later. If standard
+error goes to the journal, each line begins with its priority (sd-daemon(3)).
 """
 
 import contextlib
@@ -96,7 +96,7 @@ class LogLines:
 def json_writer(gateway: str) -> Callable[[LogEntry], None]:
     """Return a function that writes an entry of this gateway as JSON; it may block (:class:`LogLines`).
 
-    It works like ``structured_log`` without structlog, with which the relay would need a quarter more memory.
+    ``structured_log`` writes the same lines.
     """
     name_standard_error(gateway)
     return _json_writer({"gateway": gateway})

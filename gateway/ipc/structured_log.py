@@ -1,14 +1,12 @@
-"""The log of supervisor and commands, with structlog: its lines, and a context for every later line.
+"""The log of supervisor and commands: its lines, and the gateway's name in each.
 
-A relay that writes JSON does not load it (:func:`gateway.ipc.log.json_writer`).
+Lines for people are structlog's. Lines of JSON do without it: to load it takes a tenth of the start of a
+supervisor.
 """
 
+from collections.abc import Callable, Mapping
 from typing import Final
 
-import structlog
-from structlog.typing import EventDict
-
-from gateway.catalogue.entry import Severity
 from gateway.ipc.log import (
     LogEntry,
     LogFormat,
@@ -25,10 +23,9 @@ class StructuredLog:
 
     def __init__(self, log_format: LogFormat) -> None:
         self._is_json: Final = log_format.is_json
-        render = (
-            _json if self._is_json else structlog.dev.ConsoleRenderer(colors=is_terminal(), sort_keys=False)
-        )
-        self._log = structlog.BoundLogger(_Lines(), [_line, render], {})
+        self._text: Final = json_text if self._is_json else _for_people()
+        self._lines: Final = LogLines()
+        self._context: dict[str, object] = {}
 
     def name_gateway(self, gateway: str) -> None:
         """Add the gateway's name to every later line, also to what this process writes to ``sys.stderr``.
@@ -37,34 +34,16 @@ class StructuredLog:
         """
         name_standard_error(gateway)
         if self._is_json:
-            self._log = self._log.bind(gateway=gateway)
+            self._context = {"gateway": gateway}
 
     def write(self, entry: LogEntry) -> None:
         """Write one entry; its fields name its line and axis."""
-        getattr(self._log, entry.severity.value)(entry.event, entry=entry)
+        self._lines.write(entry.severity, self._text(line_of(entry, self._context)))
 
 
-class _Lines:
-    """What structlog passes its text to, by the name of the level."""
+def _for_people() -> Callable[[Mapping[str, object]], str]:
+    """Return what makes a line for people, in colours on a terminal."""
+    from structlog.dev import ConsoleRenderer
 
-    def __init__(self) -> None:
-        self._lines = LogLines()
-
-    def info(self, text: str) -> None:
-        self._lines.write(Severity.INFO, text)
-
-    def warning(self, text: str) -> None:
-        self._lines.write(Severity.WARNING, text)
-
-    def error(self, text: str) -> None:
-        self._lines.write(Severity.ERROR, text)
-
-
-def _json(_logger: object, _level: str, line: EventDict) -> str:
-    return json_text(line)
-
-
-def _line(_logger: object, _level: str, event: EventDict) -> EventDict:
-    """Return the line of an entry with the bound context."""
-    entry, _ = event.pop("entry"), event.pop("event")
-    return line_of(entry, event)
+    render = ConsoleRenderer(colors=is_terminal(), sort_keys=False)
+    return lambda line: render(None, "", dict(line))

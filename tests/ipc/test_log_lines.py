@@ -1,4 +1,4 @@
-"""The lines of the log: the relay's own and those of structlog, which supervisor and commands write."""
+"""The lines of the log: the relay's, those of supervisor and commands, and those for people."""
 
 import json
 import math
@@ -52,7 +52,7 @@ def named() -> StructuredLog:
     return log
 
 
-@pytest.mark.parametrize("write", [json_writer, lambda name: named().write], ids=["relay", "structlog"])
+@pytest.mark.parametrize("write", [json_writer, lambda name: named().write], ids=["relay", "supervisor"])
 def test_a_line_of_json_says_of_which_gateway_line_and_axis_it_is(
     write: Callable[[str], Callable[[LogEntry], None]], capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -63,7 +63,7 @@ def test_a_line_of_json_says_of_which_gateway_line_and_axis_it_is(
     )
 
 
-@pytest.mark.parametrize("write", [json_writer, lambda name: named().write], ids=["relay", "structlog"])
+@pytest.mark.parametrize("write", [json_writer, lambda name: named().write], ids=["relay", "supervisor"])
 def test_a_long_line_of_json_is_shortened_to_one_write_of_a_pipe(
     write: Callable[[str], Callable[[LogEntry], None]], capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -107,7 +107,7 @@ def test_a_long_line_for_people_is_cut(capfd: pytest.CaptureFixture[str]) -> Non
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(NOTES)
-def test_relay_and_structlog_write_the_same_lines(capfd: pytest.CaptureFixture[str], note: LogEntry) -> None:
+def test_relay_and_supervisor_write_the_same_lines(capfd: pytest.CaptureFixture[str], note: LogEntry) -> None:
     json_writer("mill-1")(note)
     ours = capfd.readouterr().err
     named().write(note)

@@ -12,7 +12,7 @@ UNWANTED = (
     *("gateway.exchange.line", "gateway.exchange.axis", "gateway.exchange.fast_path", "gateway.relay"),
     *("gateway.transport.master", "gateway.transport.serial", "gateway.simulator", "gateway.cli", "serial"),
     *("gateway.supervisor.mqtt.publisher", "paho", "gateway.report", "gateway.metrology"),
-    *("matplotlib", "numpy", "typer", "cryptography", "pymodbus"),
+    *("matplotlib", "numpy", "typer", "rich", "structlog", "cryptography", "pymodbus"),
 )
 PROGRAM = """
 import json, sys
