@@ -180,7 +180,7 @@ class Ownership:
             found = decode(frame) if frame.unit.has_rules else []
             for own in frame.by_axis:
                 command = next((each for each in found if each.axis is own.axis), None)
-                if command is None or not (command.is_stop or _lets_go(command, writer)):
+                if command is None or not (command.is_stop or lets_go(command, writer)):
                     claims.append((own.axis, command))
         return claims
 
@@ -262,7 +262,7 @@ def _changes_nothing(command: AxisCommand) -> bool:
     return command.is_idle and not any(trigger.address in touched for trigger in command.axis.rules.following)
 
 
-def _lets_go(command: AxisCommand, writer: str) -> bool:
+def lets_go(command: AxisCommand, writer: str) -> bool:
     """Whether a request of the writer that jogs an axis starts nothing: it may end the jog."""
     return command.is_idle and command.axis.hold.jogged_by == writer
 

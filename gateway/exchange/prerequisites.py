@@ -91,7 +91,9 @@ def _reference_read(request: Request) -> AddedFrame | None:
     targets = [command.axis for command in request.commands if command.runs_target]
     targets += [hit.mapped.axis for hit in written if hit.mapped.role is FieldRole.COMMAND]
     # In another mode the bit may mean something else.
-    targets += [each.axis for each in request.commands if each.writes_mode and each.axis.reference.awaits_end]
+    targets += [
+        each.axis for each in request.commands if each.writes_mode and each.axis.reference.ends_with_mode
+    ]
     others = [hit.mapped.axis for hit in (*written, *read)]
     for axis, is_target in (*((a, True) for a in targets), *((a, False) for a in others)):
         is_asked = axis.plan.name in request.prefetched.references

@@ -32,7 +32,8 @@ class Held(Enum):
     NOTHING = "nothing"
     """Everything: nothing is held back."""
     ALL = "all"
-    """Added reads and stops, and reads of what is no axis: an unanswered write may still be executed."""
+    """Added reads and stops: an unanswered write may still be executed. To a device without an axis also
+    reads, and writes after ``lost_ms``: the gateway reads nothing of it."""
     WRITES = "writes"
     """All but writes: something was answered, and ``lost_ms`` have not passed since."""
 
@@ -62,6 +63,8 @@ class Renewal:
         """The unit ids to which it is."""
         self.held_until_ns = 0
         """Until when writes are held."""
+        self.devices_until_ns = 0
+        """Until when writes to devices without an axis are held."""
 
     def miss(self, unit_id: int, sent_ns: int, *, is_read: bool) -> None:
         """A request was not answered in time."""
@@ -129,6 +132,7 @@ class Renewal:
         if self.may_have_written:
             self.held, self.holds = Held.ALL, True
             self.held_unit_ids |= self._open_writes
+            self.devices_until_ns = now_ns + self._hold_ns
         self._not_before_ns = now_ns + int(self._backoff.next_s() * NS_PER_S)
         self.begin()
 

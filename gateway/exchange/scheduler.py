@@ -25,8 +25,9 @@ from gateway.exchange.added_frames import trial_read
 from gateway.exchange.arbitration import Gaps
 from gateway.exchange.axis.acknowledge import Outcome
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.decode import AxisCommand
+from gateway.exchange.decode import AxisCommand, decode
 from gateway.exchange.dispatch import UnitMaps, is_acting_on, moves_one_of, rewrites
+from gateway.exchange.ownership import lets_go
 from gateway.exchange.plan import LineTiming
 from gateway.exchange.ports import DriveLink
 from gateway.exchange.queue import WaitingQueue
@@ -180,8 +181,10 @@ class Scheduler:
             is_in_order = port is not None and not transaction.is_stop
             if is_in_order and id(port) in held:
                 continue
-            if self._renewal.holds and self._is_held(transaction):
+            if self._renewal.holds and self._is_held(transaction, now_ns):
                 held.add(id(port))
+                if transaction.unit_id not in self._units and self._renewal.devices_until_ns > now_ns:
+                    until_ns = min(until_ns, self._renewal.devices_until_ns)
                 continue
             from_ns = self._from_ns(transaction, now_ns)
             if from_ns <= now_ns and (port is None or port.is_motion or transaction.is_stop):
@@ -237,17 +240,25 @@ class Scheduler:
             return NEVER_NS if stop.pdu in silence.stops else 0
         return 0 if stop.stopping is Stopping.AGAIN else silence.stops.get(stop.pdu, 0)
 
-    def _is_held(self, transaction: Transaction) -> bool:
+    def _is_held(self, transaction: Transaction, now_ns: int) -> bool:
         """Whether the connection does not carry a request yet, because an older one may be executed."""
         held, unit_id = self._renewal.held, transaction.unit_id
         if held is Held.NOTHING or transaction.port is None or transaction.is_stop:
             return False
-        has_axis = unit_id in self._units or self._may_reach_axes(unit_id)
-        is_held = not self._renewal.held_unit_ids.isdisjoint(self._units.partners(unit_id))
-        is_held |= has_axis and any(self._may_reach_axes(each) for each in self._renewal.held_unit_ids)
-        if not (is_held or self._may_reach_axes(unit_id)):
+        if not self.is_held_unit(unit_id):
             return False
-        return not transaction.only_reads or (held is Held.ALL and has_axis)
+        if unit_id in self._units or self._may_reach_axes(unit_id):
+            return held is Held.ALL or not transaction.only_reads
+        # Nothing is read of a device without an axis, and its controller may only write.
+        return not transaction.only_reads and now_ns < self._renewal.devices_until_ns
+
+    def is_held_unit(self, unit_id: int) -> bool:
+        """Whether an unanswered write of the old connection may still be executed by a unit id."""
+        held_unit_ids = self._renewal.held_unit_ids
+        has_axis = unit_id in self._units or self._may_reach_axes(unit_id)
+        if has_axis and any(self._may_reach_axes(each) for each in held_unit_ids):
+            return True
+        return self._may_reach_axes(unit_id) or not held_unit_ids.isdisjoint(self._units.partners(unit_id))
 
     def _may_reach_axes(self, unit_id: int) -> bool:
         """Whether a request to a unit id without an axis may reach one, or all."""
@@ -295,8 +306,7 @@ class Scheduler:
         axes += self._units.given_targets(frames)
 
         def is_overtaken(each: Transaction) -> bool:
-            rewrites_it = not each.is_stop and rewrites(self._units, each, frames)
-            return rewrites_it or is_acting_on(self._units, each, axes)
+            return is_acting_on(self._units, each, axes) or self._undoes(each, stop, axes)
 
         for transaction in self._waiting.withdraw(lambda each: not each.is_denied and is_overtaken(each)):
             self._transactions.overtaken(transaction, OVERTAKEN, now_ns)
@@ -306,6 +316,19 @@ class Scheduler:
         only_stops = self._units.only_stops(frames)
         event = StopEvent.FOUND if only_stops else StopEvent.FOUND_WITH_MORE
         self._transactions.stop_goes_on(stop, event)
+
+    def _undoes(self, transaction: Transaction, stop: Transaction, axes: Sequence[Axis]) -> bool:
+        """Whether an older request would undo a stop. The release of a jog of another axis still goes out."""
+        if transaction.is_stop or transaction.port is None or transaction.unit_id == BROADCAST_UNIT_ID:
+            return False  # nobody would learn that a broadcast was withdrawn
+        if not rewrites(self._units, transaction, self._units.frames_of(stop)):
+            return False
+        writer = transaction.port.writer
+        return not any(
+            command.axis not in axes and lets_go(command, writer)
+            for frame in self._units.frames_of(transaction)
+            for command in decode(frame)
+        )
 
     def add_stop(self, stop: Transaction, now_ns: int) -> bool:
         """Put a stop at the head of the queue; return whether it was queued (``WaitingQueue.add_stop``).

@@ -116,7 +116,8 @@ class Turn:
         if not self._paced_since_ns or now_ns - self._paced_at_ns > self._noise_ns:
             self._paced_since_ns = now_ns
         self._paced_at_ns = now_ns
-        frames_ns = 2 * MAX_ADU * self._link.stamps.wire_ns_per_byte
+        # Behind a serial server the speed of the wire is unknown.
+        frames_ns = 2 * MAX_ADU * self._link.stamps.wire_ns_per_byte or int(self._rest.drain_ms * NS_PER_MS)
         return now_ns - self._paced_since_ns > self._noise_ns + frames_ns
 
     def _withdraw_given_up(self, now_ns: int, *, has_noise: bool) -> None:
@@ -226,7 +227,7 @@ class Turn:
             self._silent_units.note_served(id(port))
         if transaction.is_stop and self._scheduler.is_early(transaction, now_ns):
             self._transactions.stop_goes_on(transaction, StopEvent.LEAVES_EARLY)
-        if self._renewal.holds and transaction.is_stop:
+        if self._renewal.holds and transaction.is_stop and self._scheduler.is_held_unit(unit_id):
             self._scheduler.add_early_stop(transaction)
         is_broadcast = unit_id == BROADCAST_UNIT_ID and self._link.is_serial
         if self.forwarding is not None and not is_broadcast:

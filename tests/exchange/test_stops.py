@@ -338,6 +338,30 @@ def test_m3_the_release_of_a_coil_is_sent_behind_a_stop_of_another_unit() -> Non
     assert bench.seen == [READ_OTHER, SERVO_OFF, SERVO_ON]
 
 
+def test_m3_the_release_of_a_jog_of_another_axis_is_sent_behind_a_stop() -> None:
+    """One frame writes the jog coils of two axes; a stop of the first does not keep the second going."""
+    plans = []
+    for number, name in enumerate("xy"):
+        jog = {1: Operation(Action.OTHER_MOTION), 0: Operation(Action.IGNORE)}
+        off = {0: Operation(Action.STOP), 1: Operation(Action.IGNORE)}
+        coils = (
+            TriggerPlan(0x20 + number, is_coil=True, deeds=jog),
+            TriggerPlan(0x10 + number, is_coil=True, deeds=off),
+        )
+        command = PositionField(0x0606 + 2 * number, RegisterType.INT32, WordOrder.LOW_FIRST)
+        plans.append(axis_plan(name=name, command=(command,), actual=(), motion=MotionPlan(triggers=coils)))
+    bench = Bench(*plans, serial=False)
+    bench.ask(bytes.fromhex("05 0021 FF00"))  # y jogs
+    release = bytes.fromhex("0F 0010 0012 03 03 00 00")  # both servos stay on, no coil jogs
+    servo_off = bytes.fromhex("05 0010 0000")
+    bench.send(READ_OTHER, Port(ControllerPlan("hmi")))
+    bench.send(release, transaction_id=8)
+    bench.send(servo_off, Port(ControllerPlan("panel", role=Role.OPERATOR)), transaction_id=9)
+    bench.seen.clear()
+    bench.serve()
+    assert bench.seen == [READ_OTHER, servo_off, release]
+
+
 def test_m3_an_older_stop_that_is_sent_once_more_does_not_undo_a_newer_one() -> None:
     """Halt keeps the servo on. It is sent once more after servo off, so that is sent once more too."""
     halt, servo_off = control(0x010F), control(0x0006)
