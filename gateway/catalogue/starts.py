@@ -13,6 +13,8 @@ EXIT_CODES: Final[Mapping[int, str]] = {
     1: "bad input or an obstacle: standard error has a line for each problem, with the remedy. Also `run` "
     "and `relay` after a second signal, and `run` when its relay died",
     2: "wrong usage: an unknown option or argument",
+    3: "`status URL…`: every gateway gives a status, and the worst verdict is `error`",
+    4: "`status URL…`: every gateway gives a status, and the worst verdict is `warning`",
 }
 
 _CHOOSE_ANOTHER: Final = "do what the message says, or choose another folder with `[gateway] state`"

@@ -12,7 +12,7 @@ NEW_OBJECTS: Final = 50_000
 
 
 def main() -> None:
-    """Run the command line; exit codes: 0 good, 1 the input is bad, 2 wrong usage.
+    """Run the command line; ``gateway.catalogue.starts`` has the exit codes.
 
     If output cannot be written, stderr gets one line and the exit code is 1. A closed pipe (``| head``) needs
     no message: its reader closed it.

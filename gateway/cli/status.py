@@ -52,9 +52,11 @@ def status(
     their units. It also shows how long the gateway took for frames (microseconds), beside the budget. --json
     has everything; docs/operations.md and docs/latency.md explain the keys.
 
-    With URLs of status pages it asks each gateway once, and prints a row for each, the worst first.
+    With URLs of status pages it asks all gateways at once, and prints a row for each, the worst first. One
+    that gives no whole status within 5 s is unreachable.
 
-    Exit code 1 if no gateway runs, or one of many gives no status; 0 after Ctrl-C.
+    Exit code 1 if no gateway runs, or one of many is unreachable; otherwise of many 3 if one has an error, 4
+    if one has a warning. 0 after Ctrl-C.
 
     Examples:
         pitch-gateway status gateway.toml
@@ -114,7 +116,7 @@ def _show_many(
     as_json: bool,
 ) -> None:
     from gateway.cli.fleet_output import fleet_parts
-    from gateway.commissioning.fleet import UNREACHABLE, FleetError, access_by, look_at
+    from gateway.commissioning.fleet import EXIT_OF, FleetError, access_by, look_at
 
     try:
         fleet = look_at(urls, access_by(token_file, ca, certificate, key))
@@ -123,5 +125,5 @@ def _show_many(
         raise typer.Exit(1) from None
     form = Format.INDENTED if as_json else Format.TEXT
     show(fleet, form, fleet_parts(fleet), plain_width=FLEET_COLUMNS)
-    if UNREACHABLE in fleet.states:
-        raise typer.Exit(1)
+    if code := EXIT_OF[next(iter(fleet.states))]:
+        raise typer.Exit(code)

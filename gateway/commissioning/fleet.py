@@ -26,12 +26,15 @@ from gateway.transport.certificates import LARGEST_FILE
 
 ANSWER_WITHIN_S: Final = 5.0
 """For a whole status, from the first byte sent."""
-AT_ONCE: Final = 32
+AT_ONCE: Final = 256
+"""So many are asked at the same time: two hundred that are all off take the time of one."""
 LARGEST_ANSWER: Final = 8_000_000
 NO_STATUS: Final = "its answer is no status of a gateway"
 _PIECE: Final = 1 << 16
 UNREACHABLE: Final = "unreachable"
-WORST_FIRST: Final = (UNREACHABLE, "error", "warning", "waiting", "healthy")
+EXIT_OF: Final = {UNREACHABLE: 1, "error": 3, "warning": 4, "waiting": 0, "healthy": 0}
+"""Exit code of a command by the worst gateway."""
+WORST_FIRST: Final = tuple(EXIT_OF)
 """States of a gateway: that it gave no status, and its verdicts."""
 COMPENSATED: Final = frozenset({"active", "blending"})
 """States of an axis whose positions are corrected."""

@@ -113,11 +113,47 @@ async def test_the_worst_comes_first_and_each_row_says_what_is_wrong(tmp_path: P
     }
 
 
-async def test_all_that_answer_end_with_0(tmp_path: Path) -> None:
-    async with serving(tmp_path, newest=gateway("mill-1", "warning")) as served:
-        shown = await ask(url(served))
+@pytest.mark.parametrize(
+    ("verdicts", "code", "counted"),
+    [
+        (["healthy"], 0, "1 gateway: 1 healthy"),
+        (["healthy", "waiting"], 0, "2 gateways: 1 waiting, 1 healthy"),
+        (["healthy", "warning"], 4, "2 gateways: 1 warning, 1 healthy"),
+        (["error", "warning"], 3, "2 gateways: 1 error, 1 warning"),
+    ],
+)
+async def test_the_exit_code_says_how_the_worst_is(
+    tmp_path: Path, verdicts: list[str], code: int, counted: str
+) -> None:
+    async with contextlib.AsyncExitStack() as stack:
+        urls = []
+        for verdict in verdicts:
+            (tmp_path / verdict).mkdir()
+            newest = gateway(verdict, verdict)
+            urls.append(url(await stack.enter_async_context(serving(tmp_path / verdict, newest=newest))))
+        shown = await ask(*urls)
+    assert shown.returncode == code
+    assert shown.stdout.splitlines()[-1] == counted
+
+
+async def test_two_hundred_are_asked_at_the_same_time() -> None:
+    """Each is answered only after all of them have asked."""
+    body = json.dumps(gateway("mill", "healthy")).encode()
+    asked = asyncio.Barrier(200)
+
+    async def answered(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        await asked.wait()
+        writer.write(http(200, body))
+        await writer.drain()
+        writer.close()
+
+    server = await asyncio.start_server(answered, "127.0.0.1", 0, backlog=200)
+    async with server, asyncio.timeout(60):
+        page = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        shown = await ask("--json", *(f"{page}/{number}" for number in range(200)))
+    assert json.loads(shown.stdout)["states"] == {"healthy": 200}
     assert shown.returncode == 0
-    assert shown.stdout.splitlines()[-1] == "1 gateway: 1 warning"
 
 
 async def test_a_page_with_tls_and_token_is_asked_with_its_authority_and_token(tmp_path: Path) -> None:
