@@ -18,7 +18,6 @@ FILES: Final = (
     "alarms.css",
     "login.css",
     "icon.svg",
-    "icon-trouble.svg",
     "theme.js",
     "login.js",
     "page.js",

@@ -76,6 +76,26 @@ export function setSign(of, name, tone) {
   }
 }
 
+/** @type {Record<string, [string, string]>} colours of a sign and of what is in it, on light and on dark */
+const OF_ICON = {
+  well: ["#1a9550", "#ffffff"],
+  note: ["#74849a", "#ffffff"],
+  warning: ["#f0b429", "#10141a"],
+  error: ["#d8303c", "#ffffff"],
+};
+
+/**
+ * The address of a sign as an icon of the tab: the picture itself, which needs no gateway.
+ * @param {string} name
+ * @param {string} tone
+ */
+export function iconOf(name, tone) {
+  const [colour, inside] = OF_ICON[tone];
+  const parts = [...byId(`i-${name}`).children].map((part) => new XMLSerializer().serializeToString(part));
+  const shape = parts.join("").replaceAll("var(--on-mark)", inside).replaceAll("currentColor", colour);
+  return `data:image/svg+xml,${encodeURIComponent(`<svg xmlns="${SVG}" viewBox="0 0 24 24">${shape}</svg>`)}`;
+}
+
 /** A sign, words with the same meaning, and the colour of both. */
 export class SignedWords {
   /**

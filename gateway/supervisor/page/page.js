@@ -3,7 +3,7 @@
 
 import { AxisCard } from "./axis_card.js";
 import { Banner } from "./banner.js";
-import { byId, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
+import { byId, iconOf, keepChildren, make, setAttribute, setSign, setText, show, sign } from "./dom.js";
 import { EventList } from "./event_list.js";
 import { span } from "./figures.js";
 import { Frames } from "./frames.js";
@@ -15,10 +15,13 @@ import { showSession } from "./session.js";
 import { Sound } from "./sound.js";
 import { Stream } from "./stream.js";
 import { Tables } from "./tables.js";
-import { counted } from "./words.js";
+import { counted, verdict } from "./words.js";
 import { offerLanguages, t } from "./language.js";
 
 /** @typedef {import("./model.js").Model} Model */
+
+const LOST = { sign: "error", tone: "error" };
+const CONNECTING = { sign: "wait", tone: "note" };
 
 class Page {
   constructor() {
@@ -142,12 +145,12 @@ class Page {
   /** The tab's name and icon; also while the page is hidden. */
   showMark() {
     const isLost = document.body.dataset.link === "lost";
-    const verdict = this.model?.verdict.state;
-    const words = isLost ? t("no connection") : t(verdict ?? "connecting");
-    const isBad = isLost || verdict === "error";
-    setAttribute(byId("favicon"), "href", isBad ? "page/icon-trouble.svg" : "page/icon.svg");
-    const name = this.model?.gateway.name ?? "Pitch gateway";
-    const title = `${isBad || verdict === "warning" ? "⚠ " : ""}${name}: ${words}`;
+    const state = this.model?.verdict.state;
+    const words = isLost ? t("no connection") : t(state ?? "connecting");
+    const { sign: name, tone } = isLost ? LOST : state === undefined ? CONNECTING : verdict(state);
+    setAttribute(byId("favicon"), "href", iconOf(name, tone));
+    const gateway = this.model?.gateway.name ?? "Pitch gateway";
+    const title = `${tone === "error" || tone === "warning" ? "⚠ " : ""}${gateway}: ${words}`;
     if (document.title !== title) {
       document.title = title;
     }

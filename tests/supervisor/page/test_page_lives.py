@@ -29,7 +29,8 @@ def test_it_says_that_the_gateway_is_gone_and_goes_on_when_it_is_back(visit: Vis
     assert visit.page.title() == "⚠ mill-1: no connection"
     visit.until("getComputedStyle(document.querySelector('main')).filter", "grayscale(1)")
     visit.until("/What is shown is [1-9] s old/.test(document.getElementById('lost').textContent)", True)
-    visit.until("document.getElementById('favicon').getAttribute('href')", "page/icon-trouble.svg")
+    icon = "document.getElementById('favicon').href.replace(/,.*/, '')"
+    visit.until(icon, "data:image/svg+xml")  # the gateway cannot send one now
 
     visit.stage.show(model({"x": axis(nominal_actual=-44.0)}))
     visit.stage.open()
@@ -187,6 +188,8 @@ def test_the_list_of_files_is_what_stands_in_the_folder() -> None:
 def test_no_file_names_an_address_outside_or_makes_elements_of_text() -> None:
     for name in page.FILES:
         text = (FOLDER / name).read_text()
+        if name == "dom.js":  # the icon of the tab
+            text = text.replace("data:image/svg+xml,", "", 1)
         for address in ("http://", "https://", "//cdn", "@import", "data:"):
             assert address not in text.replace("http://www.w3.org/2000/svg", ""), (name, address)
         for way in ("innerHTML", "outerHTML", "insertAdjacentHTML", "document.write", "eval(", "Function("):
