@@ -161,6 +161,11 @@ def model(
     )
 
 
+def with_terms(**changes: Any) -> dict[str, Any]:
+    """A whole model with terms, of which some differ."""
+    return model(snapshot(axis={"terms": {**TERMS, **changes}}))
+
+
 def large_model() -> Model:
     """A model of more bytes than all buffers on the way hold."""
     return Model(gateway=GatewayStatus(name="a" * 30_000_000))
