@@ -28,7 +28,7 @@ ALARM_OUTPUT_FAILED: Final = EventEntry(
     Severity.WARNING,
     "the contact of `[alarm_output]` cannot be switched. Reported once; the gateway keeps trying",
     "the device is off or unplugged, or address, unit id or coil is wrong",
-    "check the device, then `modbus`, `unit_id` and `coil` of `[alarm_output]`; after a change "
+    "check the device, then `device`, `unit_id` and `coil` of `[alarm_output]`; after a change "
     "`pitch-gateway reload CONFIG`",
 )
 ALARM_OUTPUT_WORKS: Final = EventEntry(

@@ -12,7 +12,7 @@ from rich.text import Text
 
 from gateway.status.axis import Position, Shares, TermsStatus, WholeAxis
 from gateway.status.line import LINE_COUNTERS, ControllerStatus, LineStatus, TlsStatus
-from gateway.status.model import AlarmStatus, GatewayStatus, Model, Verdict
+from gateway.status.model import AlarmOutputStatus, AlarmStatus, GatewayStatus, Model, Verdict
 from gateway.status.times import GatewayTimes
 from gateway.times import span
 from gateway.transport.certificates import SOON
@@ -51,6 +51,8 @@ def status_parts(status: Model) -> Iterator[RenderableType]:
     if status.verdict.state or status.troubles:
         yield ""
     yield from _gateway(status.gateway)
+    if status.supervisor is not None and status.supervisor.alarm_output.contact is not None:
+        yield _contact(status.supervisor.alarm_output)
     for name, line in status.lines.items():
         yield from _line(name, line)
     for make in (_positions, _tables, _times) if status.axes else ():
@@ -95,6 +97,11 @@ def _gateway(gateway: GatewayStatus) -> Iterator[RenderableType]:
     cpus = ", ".join(map(str, scheduling.cpus))
     memory = "locked" if scheduling.memory_locked else "not locked"
     yield _words(f"  scheduling: {priority}, CPUs {cpus}, memory {memory}")
+
+
+def _contact(output: AlarmOutputStatus) -> RenderableType:
+    state = {True: "[green]closed[/]", False: "[red]open[/]", None: "[yellow]not known[/]"}[output.is_closed]
+    return _words(f"  alarm contact: {state}, {escape(output.contact or UNKNOWN)}")
 
 
 def _line(name: str, line: LineStatus) -> Iterator[RenderableType]:

@@ -6,7 +6,8 @@ from pydantic import AfterValidator, Field
 
 from gateway.catalogue.events import EVENTS
 from gateway.config.findings import suggest
-from gateway.config.values import Name, Tcp
+from gateway.config.line_model import DrivesEndpoint
+from gateway.config.values import Name
 from gateway.drives.strict import ListOf, Live, StrictModel, documented
 from gateway.drives.words import Address
 from gateway.state.folder import DEFAULT_STATE
@@ -65,12 +66,20 @@ class StatusUnitSection(StrictModel):
 class AlarmOutputSection(StrictModel):
     """A contact that opens when something is wrong, or when the gateway is dead."""
 
-    modbus: Tcp = Field(
-        description="HOST:PORT of the Modbus TCP device that has the contact",
-        json_schema_extra=documented(text="HOST:PORT of the Modbus TCP device that has the contact"),
+    device: DrivesEndpoint = Field(
+        description="the device that has the contact: { tcp = … } or { rtu = … }",
+        json_schema_extra=documented(
+            kind="table",
+            text=(
+                "the device that has the contact: `tcp`, `rtu` or `rtu_over_tcp`, with the keys of "
+                "[`drives`](#linename). It has an address or a serial port of its own: that of no line"
+            ),
+        ),
     )
     unit_id: Annotated[int, Field(ge=0, le=255)] = Field(
-        default=1, description="Modbus unit id of the device"
+        default=1,
+        description="Modbus unit id of the device",
+        json_schema_extra=documented(more="0 only with `tcp`"),
     )
     coil: Address = Field(description="coil of the contact: 1 closes it")
     opens_on: Literal["error", "warning"] = Field(
@@ -84,7 +93,10 @@ class AlarmOutputSection(StrictModel):
         default=1.0,
         description="seconds between two writes; the watchdog of the device must wait longer",
         json_schema_extra=documented(
-            text="seconds between two writes. Set the device's own watchdog to three times that, or more"
+            text=(
+                "seconds between two writes. Set the device's own watchdog to three times that, and at least "
+                "to 3 s"
+            )
         ),
     )
 

@@ -192,7 +192,7 @@ def _check_but_tables(findings: Findings) -> tuple[Sections, Mapping[str, NamedP
     check_lines(findings, sections.lines, _unit_ids(sections))
     check_status_unit(findings, sections.status_unit, sections.lines, sections.axes)
     check_http(findings, sections.http, sections.lines)
-    check_alarm_output(findings, sections.alarm_output, sections.lines, _unit_ids(sections))
+    check_alarm_output(findings, sections.alarm_output, sections.lines)
     check_axes(findings, sections)
     check_references(findings, sections)
     check_motion(findings, sections)

@@ -129,7 +129,16 @@ def _supervisor_lines(loaded: Loaded) -> Iterator[str]:
     for name, axis in loaded.sections.axes.items():
         if axis.thermal is not None and axis.thermal.source.modbus is not None:
             addresses.peer(axis.thermal.source.modbus.host, f"the temperature sensor of axis {name}")
+    output = loaded.sections.alarm_output
+    contact = None if output is None else output.device.endpoint
+    if isinstance(contact, TcpEndpoint):
+        addresses.peer(contact.host, "[alarm_output] device")
     yield from addresses.lines()
+    if isinstance(contact, SerialEndpoint):
+        yield "# The serial port of [alarm_output]."
+        yield "PrivateDevices=no"
+        yield "SupplementaryGroups=dialout"
+        yield from (f"DeviceAllow=char-{kind} rw" for kind in _kinds_of(contact.device) or KINDS)
     ports = [] if page is None else [page.port]
     yield from _port_lines(ports)
     if _low(ports):

@@ -1,7 +1,7 @@
 """A contact that opens when something is wrong: a coil of a Modbus device, kept closed while all is well.
 
 The coil is written again and again. So the watchdog of the device opens the contact if the supervisor, its
-computer or the cable dies.
+computer or the cable dies. The device is on no line of drives, so neither the relay nor a drive waits for it.
 """
 
 import asyncio
@@ -9,6 +9,7 @@ import contextlib
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
 
+from gateway.backoff import Backoff
 from gateway.catalogue.sensor_events import ALARM_OUTPUT_FAILED, ALARM_OUTPUT_WORKS
 from gateway.config.gateway_model import AlarmOutputSection
 from gateway.modbus.pdu import is_exception
@@ -20,6 +21,9 @@ if TYPE_CHECKING:
     from gateway.transport.master import ModbusMaster
 
 PATIENCE_MS: Final = 1000.0
+FIRST_PAUSE_S: Final = 0.1
+LONGEST_PAUSE_S: Final = 3.0
+"""Before the next attempt, while the device cannot be reached or does not reply."""
 ENDS_WITHIN_S: Final = 2.0
 """At the end of the supervisor the contact is opened, or left to the watchdog of its device."""
 WRITE_COIL: Final = 5
@@ -53,7 +57,7 @@ class AlarmOutput:
         section = self._section
         if section is None:
             return AlarmOutputStatus()
-        contact = f"{section.modbus}, unit id {section.unit_id}, coil {section.coil}"
+        contact = f"{section.device.endpoint}, unit id {section.unit_id}, coil {section.coil}"
         return AlarmOutputStatus(contact=contact, is_closed=self._is_closed, problem=self._problem)
 
     def follow(self, section: AlarmOutputSection | None) -> None:
@@ -102,21 +106,23 @@ class AlarmOutput:
 
         if before is not None:
             await asyncio.wait([before])
+        pause = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
         while not ends.is_set():
             try:
-                await self._write_connected(section, ends, wakes)
+                await self._write_connected(section, ends, wakes, pause)
             except (TransportError, NoReplyError, OSError) as error:
-                self._fail(section, str(error).removeprefix(f"{section.modbus} "))
-                await _at_most(ends, section.every_s)
+                self._fail(section, str(error).removeprefix(f"{section.device.endpoint} "))
+                await _at_most(ends, pause.next_s())
 
     async def _write_connected(
-        self, section: AlarmOutputSection, ends: asyncio.Event, wakes: asyncio.Event
+        self, section: AlarmOutputSection, ends: asyncio.Event, wakes: asyncio.Event, pause: Backoff
     ) -> None:
         from gateway.transport.master import ModbusMaster
 
-        async with ModbusMaster(section.modbus, timeout_ms=PATIENCE_MS) as master:
+        async with ModbusMaster(section.device.endpoint, timeout_ms=PATIENCE_MS) as master:
             while not ends.is_set():
                 await self._switch(master, section, is_closed=self._is_well(section))
+                pause.reset()
                 await _at_most(wakes, section.every_s)
                 wakes.clear()
             after = self._section
@@ -143,13 +149,13 @@ class AlarmOutput:
             return
         self._is_closed = None
         is_new = self._problem is None
-        self._problem = f"{section.modbus}: {why}"
+        self._problem = f"{section.device.endpoint}: {why}"
         if is_new:
             self._log(ALARM_OUTPUT_FAILED, detail=self._problem)
 
 
 def _coil_of(section: AlarmOutputSection) -> tuple[str, int, int]:
-    return str(section.modbus), section.unit_id, section.coil
+    return str(section.device.endpoint), section.unit_id, section.coil
 
 
 async def _at_most(event: asyncio.Event, wait_s: float) -> None:

@@ -143,6 +143,40 @@ def test_a_temperature_sensor_is_let_in_to_the_supervisor(tmp_path: Path) -> Non
     assert "192.168.0.40" not in relay
 
 
+def with_contact(folder: Path, device: str) -> Path:
+    """A configuration with a contact, whose section stands before all others."""
+    config = config_in(folder)
+    config.write_text(f"[alarm_output]\ndevice = {device}\ncoil = 0\n{config.read_text()}")
+    return config
+
+
+def test_the_module_of_a_contact_is_let_in_to_the_supervisor(tmp_path: Path) -> None:
+    relay, supervisor = fitted(with_contact(tmp_path, '{ tcp = "192.168.0.50:502" }'))
+    assert supervisor == "IPAddressDeny=any\nIPAddressAllow=localhost 192.168.0.50\n"
+    assert "192.168.0.50" not in relay
+
+
+@pytest.mark.parametrize(
+    ("device", "kinds"),
+    [
+        ("/dev/ttyS9", ["ttyS"]),
+        ("/dev/serial/by-id/usb-contact", ["ttyUSB", "ttyACM"]),
+        ("/dev/contact", ["ttyUSB", "ttyACM", "ttyAMA", "ttymxc", "ttyS"]),  # nobody knows what that will be
+    ],
+)
+def test_the_serial_port_of_a_contact_is_let_in_to_the_supervisor_alone(
+    tmp_path: Path, device: str, kinds: list[str]
+) -> None:
+    without, _ = fitted(config_in(tmp_path))
+    relay, supervisor = fitted(with_contact(tmp_path, f'{{ rtu = "{device}" }}'))
+    assert relay == without
+    assert supervisor == (
+        "IPAddressDeny=any\nIPAddressAllow=localhost\n# The serial port of [alarm_output].\n"
+        "PrivateDevices=no\nSupplementaryGroups=dialout\n"
+        + "".join(f"DeviceAllow=char-{kind} rw\n" for kind in kinds)
+    )
+
+
 def test_secrets_are_handed_to_both(tmp_path: Path) -> None:
     loaded = load(config_in(tmp_path))
     broker = {"password_file": "credential:mqtt", "tls": {"key": "credential:mqtt-key", "ca": "ca.pem"}}

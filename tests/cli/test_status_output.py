@@ -5,6 +5,7 @@ import io
 from datetime import UTC, datetime
 from typing import Any
 
+import pytest
 from rich.console import Console
 
 from gateway.cli.status_output import status_parts
@@ -138,6 +139,17 @@ def test_what_the_gateway_runs_with_is_named() -> None:
         "gateway mill 1.2.3, compiled, runs for 7 s",
         "scheduling: real-time priority 50, CPUs 3, memory locked",
     ]
+
+
+@pytest.mark.parametrize(
+    ("is_closed", "word"), [(True, "closed"), (False, "open"), (None, "not known")], ids=str
+)
+def test_the_alarm_contact_is_shown_where_there_is_one(*, is_closed: bool | None, word: str) -> None:
+    model = copy.deepcopy(MODEL)
+    model["supervisor"] = {"alarm_output": {}}
+    assert not [each for each in shown(model) if "contact" in each]
+    model["supervisor"]["alarm_output"] = {"contact": "/dev/ttyS3, unit id 1, coil 5", "is_closed": is_closed}
+    assert f"alarm contact: {word}, /dev/ttyS3, unit id 1, coil 5" in shown(model)
 
 
 def test_eighty_columns_are_enough_and_no_number_is_cut() -> None:

@@ -370,15 +370,75 @@ def test_a_register_number_of_a_manual_is_asked_about(
         assert "write 0x0606 if it is" in warning.remedy
 
 
-@pytest.mark.parametrize("port", [1500, 1502], ids=["drives", "listener"])
-def test_the_contact_is_no_coil_of_a_drive_not_even_through_the_gateway(tmp_path: Path, port: int) -> None:
+@pytest.mark.parametrize(
+    ("port", "used_by"),
+    [(1500, "line.xyz.drives"), (1502, "line.xyz.controllers[2]")],
+    ids=["drives", "through the gateway"],
+)
+@pytest.mark.parametrize("unit_id", [1, 2], ids=["a drive", "another unit id"])
+def test_the_contact_is_at_no_address_of_a_line(
+    tmp_path: Path, port: int, used_by: str, unit_id: int
+) -> None:
     rtu = '{ rtu = "/dev/serial/by-id/usb-B", baudrate = 115200, parity = "even" }'
     good = edited((rtu, '{ tcp = "127.0.0.1:1500" }'))
 
-    def text(port: int, unit_id: int) -> str:
-        return f'{good}\n[alarm_output]\nmodbus = "localhost:{port}"\nunit_id = {unit_id}\ncoil = 0\n'
+    def text(port: int) -> str:
+        device = f'{{ tcp = "localhost:{port}" }}'
+        return f"{good}\n[alarm_output]\ndevice = {device}\nunit_id = {unit_id}\ncoil = 0\n"
 
-    problem = refusal(tmp_path, text(port, 1), "alarm_output.modbus", at="modbus")
-    assert problem.found == f"localhost:{port} leads to the drives of line.xyz, and unit id 1 is one"
-    loaded(tmp_path, text(port, 2))  # another device on the same bus
-    loaded(tmp_path, text(502, 1))
+    problem = refusal(tmp_path, text(port), "alarm_output.device", at="device")
+    assert problem.found == f"localhost:{port} is already used by {used_by}"
+    loaded(tmp_path, text(502))
+
+
+@pytest.mark.parametrize("name", ["ttyB", "ttyOther"], ids=["one name", "two names of one port"])
+def test_the_contact_is_at_no_serial_port_of_a_line(tmp_path: Path, name: str) -> None:
+    (tmp_path / "ttyOther").symlink_to(tmp_path / "ttyB")
+    good = edited(("/dev/serial/by-id/usb-B", str(tmp_path / "ttyB")))
+
+    def text(name: str) -> str:
+        device = f'{{ rtu = "{tmp_path}/{name}", baudrate = 9600 }}'
+        return f"{good}\n[alarm_output]\ndevice = {device}\ncoil = 0\n"
+
+    problem = refusal(tmp_path, text(name), "alarm_output.device", at="device")
+    assert problem.found == f"{tmp_path}/{name} is already used by line.xyz.drives"
+    loaded(tmp_path, text("ttyC"))
+
+
+@pytest.mark.parametrize(
+    ("device", "is_allowed"),
+    [
+        ('{ rtu = "/dev/ttyS3" }', False),
+        ('{ rtu_over_tcp = "192.168.0.50:4001" }', False),
+        ('{ tcp = "192.168.0.50:502" }', True),
+    ],
+)
+def test_the_contact_is_not_at_all_devices_of_a_serial_line(
+    tmp_path: Path, device: str, is_allowed: bool
+) -> None:
+    text = f"{edited()}\n[alarm_output]\ndevice = {device}\nunit_id = 0\ncoil = 0\n"
+    if is_allowed:
+        loaded(tmp_path, text)
+        return
+    problem = refusal(tmp_path, text, "alarm_output.unit_id", at="unit_id = 0")
+    assert problem.found == "found 0, which on RTU is all devices, and none replies"
+
+
+@pytest.mark.parametrize(
+    ("device", "rule"),
+    [
+        ("{ }", "allowed: exactly one of rtu, tcp, rtu_over_tcp"),
+        (
+            '{ tcp = "192.168.0.50:502", rtu = "/dev/ttyS3" }',
+            "allowed: exactly one of rtu, tcp, rtu_over_tcp",
+        ),
+        (
+            '{ tcp = "192.168.0.50:502", baudrate = 9600 }',
+            "baudrate belong to a serial port (rtu): leave out beside tcp",
+        ),
+    ],
+)
+def test_the_device_of_the_contact_is_one(tmp_path: Path, device: str, rule: str) -> None:
+    text = f"{edited()}\n[alarm_output]\ndevice = {device}\ncoil = 0\n"
+    problem = refusal(tmp_path, text, "alarm_output.device", at="device")
+    assert problem.remedy == rule

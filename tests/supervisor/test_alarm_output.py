@@ -63,7 +63,7 @@ async def device() -> AsyncIterator[Device]:
 
 def section(device: Device, **keys: Any) -> AlarmOutputSection:
     return AlarmOutputSection.model_validate(
-        {"modbus": device.address, "unit_id": 3, "coil": 10, "every_s": 0.1, **keys}
+        {"device": {"tcp": device.address}, "unit_id": 3, "coil": 10, "every_s": 0.1, **keys}
     )
 
 

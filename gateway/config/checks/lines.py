@@ -310,10 +310,13 @@ def _rates(findings: Findings, sections: Sections) -> Iterator[tuple[KeyPath, in
 
 
 def check_ways(findings: Findings) -> None:
-    """Check the drives and the controllers of every line.
+    """Check the drives and the controllers of every line, and the device of ``[alarm_output]``.
 
     A problem that the schema reported too is one problem.
     """
+    output = findings.document.tables.get("alarm_output")
+    if isinstance(output, dict):
+        _check(findings, DrivesEndpoint, output.get("device"), ("alarm_output", "device"))
     lines = findings.document.tables.get("line")
     for name, line in lines.items() if isinstance(lines, dict) else ():
         if not isinstance(line, dict):

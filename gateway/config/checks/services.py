@@ -1,6 +1,7 @@
 """Services: the page and MQTT."""
 
-from collections.abc import Collection, Mapping
+import os
+from collections.abc import Mapping
 from datetime import datetime
 from ipaddress import ip_address
 from pathlib import Path
@@ -27,7 +28,8 @@ from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
 from gateway.config.mqtt_model import MqttSection, TlsSection
 from gateway.config.problems import key_text
-from gateway.transport.endpoints import TcpEndpoint
+from gateway.config.toml import KeyPath
+from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 
 # --- Whether the status page can be served at its address, and who can see it there
 
@@ -156,30 +158,45 @@ def _check_controllers(findings: Findings, endpoint: TcpEndpoint, lines: Mapping
                 )
 
 
-# --- Whether the contact of ``[alarm_output]`` is a coil of a drive
+# --- Whether the device of ``[alarm_output]`` is one of its own
 
 
 def check_alarm_output(
-    findings: Findings,
-    output: AlarmOutputSection | None,
-    lines: Mapping[str, LineSection],
-    unit_ids: Mapping[str, Collection[int]],
+    findings: Findings, output: AlarmOutputSection | None, lines: Mapping[str, LineSection]
 ) -> None:
-    """Refuse a contact in a drive, directly or through the gateway: a coil there may start a motion.
+    """Refuse a device of a line: a coil of a drive may start a motion, and a serial port serves one program.
 
-    ``unit_ids``: of the axes of each line.
+    The address of a controller leads to the drives, through the gateway.
     """
     if output is None:
         return
+    endpoint = output.device.endpoint
     for name, line in lines.items():
-        ways = [line.drives.endpoint, *(controller.endpoint for controller in line.controllers)]
-        is_there = any(is_same(output.modbus, way, wildcard_hosts=WILDCARDS) for way in ways)
-        if is_there and output.unit_id in unit_ids.get(name, ()):
-            findings.refuse(
-                ("alarm_output", "modbus"),
-                f"{output.modbus} leads to the drives of line.{name}, and unit id {output.unit_id} is one",
-                "name the device that has the contact; a coil of a drive may start a motion",
-            )
+        uses: list[tuple[KeyPath, TcpEndpoint | SerialEndpoint]] = [
+            (("line", name, "drives"), line.drives.endpoint)
+        ]
+        for i, controller in enumerate(line.controllers):
+            uses.append((controller_key(findings, name, controller.name, i), controller.endpoint))
+        for key, other in uses:
+            if _is_one_device(endpoint, other):
+                findings.refuse(
+                    ("alarm_output", "device"),
+                    f"{endpoint} is already used by {key_text(key)}",
+                    "name a device with an address or a serial port of its own; a coil of a drive may start "
+                    "a motion",
+                )
+    if output.unit_id == 0 and (isinstance(endpoint, SerialEndpoint) or endpoint.rtu):
+        findings.refuse(
+            ("alarm_output", "unit_id"),
+            "found 0, which on RTU is all devices, and none replies",
+            "write the unit id of the device",
+        )
+
+
+def _is_one_device(one: TcpEndpoint | SerialEndpoint, other: TcpEndpoint | SerialEndpoint) -> bool:
+    if isinstance(one, SerialEndpoint) and isinstance(other, SerialEndpoint):
+        return os.path.realpath(one.device) == os.path.realpath(other.device)
+    return is_same(one, other, wildcard_hosts=WILDCARDS)
 
 
 # --- Whether ``[mqtt]`` can work: its files, and who could intercept its password
