@@ -1,6 +1,7 @@
 """A real Prometheus asks a whole gateway, and gets an answer to each query of each dashboard."""
 
 import contextlib
+import itertools
 import json
 import re
 import shutil
@@ -50,6 +51,7 @@ class Prometheus:
         self.config = folder / "prometheus.yml"
         self.config.write_text(yaml.safe_dump(shipped))
         self.data = folder / "prometheus"
+        self.began_s = time.time()
 
     def command(self) -> list[str]:
         """What starts it."""
@@ -75,9 +77,9 @@ class Prometheus:
                 raise AssertionError(f"{parameters}: {error.read().decode()}") from None
 
     def is_there(self) -> bool:
-        """Whether it answers."""
+        """Whether it answers queries: it serves before it does."""
         try:
-            self.get("status/buildinfo")
+            urllib.request.urlopen(f"http://{self.address}/-/ready", timeout=SECONDS).close()
         except (urllib.error.URLError, ConnectionError):
             return False
         return True
@@ -88,13 +90,13 @@ class Prometheus:
         return [{**each["metric"], "value": float(each["value"][1])} for each in result]
 
     def answer(self, target: dict[str, Any], axis: str) -> list[Any]:
-        """Answer a target of a panel: as of now, or of the last half minute."""
+        """Answer a target of a panel: as of now, or since the start."""
         query = target["expr"].replace("$__rate_interval", "1m")
         query = query.replace("$instance", self.gateway).replace("$axis", axis)
         if target.get("instant"):
             return self.now(query)
         until_s = time.time()
-        found = self.get("query_range", query=query, start=until_s - 30, end=until_s, step=1)["result"]
+        found = self.get("query_range", query=query, start=self.began_s, end=until_s, step=2)["result"]
         return [each for each in found if any(value != "NaN" for _, value in each["values"])]
 
 
@@ -135,20 +137,28 @@ def plant(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[SickLine, 
     ):
         reply = ask(socket_path(folder / "state"), SetTemperature(axis="x", celsius=25.0))
         assert reply == Done(changed=("x",))
-        client.move(1, 40_000)
-        client.move(2, 40_000)
+        targets = itertools.cycle((40_000, 50_000))
 
-        def meanwhile() -> None:
+        def move() -> None:
+            client.move(1, next(targets))
+            client.move(2, 40_000)
+            read()
+
+        def read() -> None:
             client.read(1)
             client.read(2)
 
-        sick.until(lambda status: status["axes"]["x"]["terms"]["thermal"]["state"] == "following", meanwhile)
-        client.move(1, 50_000)  # with it goes what is added for the temperature
+        # While its drive is silent an axis may have no target, and so nothing that was added to it.
+        sick.until(
+            lambda _: (
+                prometheus.is_there() and len(prometheus.now("pitch_gateway_axis_term_correction")) == 2
+            ),
+            move,
+        )
         (folder / "tables" / "y.tab").write_text("no table")
-        sick.until_trouble("table-rejected", meanwhile)
+        sick.until_trouble("table-rejected", read)
         sick.drives.health[1] = Health.SILENT
-        sick.until_trouble("drive-silent", meanwhile)
-        eventually(prometheus.is_there, bool)
+        sick.until_trouble("drive-silent", read)
         yield sick, client, prometheus
     sick.close()
 
