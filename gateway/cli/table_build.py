@@ -50,3 +50,5 @@ def _words(found: BuiltTable) -> "Iterator[RenderableType]":
     yield from notes(found.notes)
     yield from found.written.lines(found.out)
     yield from results_lines(found.before, found.predicted, titles, left_out=found.left_out)
+    if found.band is not None:
+        yield from found.band.described(found.written.again.table)

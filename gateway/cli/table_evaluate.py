@@ -60,6 +60,8 @@ def _words(found: Judged) -> "Iterator[RenderableType]":
     titles = (first, PREDICTED if found.is_predicted else "after")
     yield from notes(found.notes)
     yield from results_lines(*found.results, titles, left_out=found.left_out)
+    if found.band is not None and found.table is not None:
+        yield from found.band.described(found.table)
     yield from found.by_others
     if found.report is not None:
         yield f"report: {found.report}"

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -12,15 +12,18 @@ from gateway.cli.options import takes_options
 from gateway.cli.output import Format, show
 from gateway.cli.table_options import AsJson
 from gateway.cli.table_reading import inspect, problems
-from gateway.commissioning.table_options import Counts, Force, ReadOptions, ScrewOptions
-from gateway.compensation.table import CorrectionTable
+from gateway.commissioning.table_options import Counts, Force, ReadOptions, ScrewOptions, StatedOptions
+from gateway.metrology.build import home_of
 from gateway.metrology.formats import ReadingsContext, Runs, read_survey
 from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, merged
 from gateway.metrology.recipe import from_one_zero
-from gateway.metrology.residue import LeftOut, predicted_residue
+from gateway.metrology.residue import predicted_residue
 from gateway.plain import JsonObject
 from gateway.report.axis_data import AxisData, Report, axis_data_of
 from gateway.report.writing import check_path, put_file, render
+
+if TYPE_CHECKING:
+    from gateway.metrology.screw import MeasuredScrew
 
 STDOUT: Final = Path("-")
 DEFAULT_SUFFIX: Final = ".png"
@@ -53,6 +56,7 @@ class PlotOptions:
             help="Directions of the runs, if the file does not prove them.",
         ),
     ] = None
+    stated: StatedOptions = field(default_factory=StatedOptions)
     force: Force = False
 
 
@@ -154,22 +158,25 @@ def _with_readings(axis_data: AxisData, options: PlotOptions) -> AxisData:
         before.source, before.facts, "draw the table without them, or give readings taken before it"
     )
     after = predicted_residue(before, table)
+    screw = screw or _screw(before)
+    band = options.stated.band(screw, table, home_of(table), before)
     return replace(
         axis_data,
         before=before,
         after=after,
         is_predicted=True,
-        left_out=_left_out(before, table) if screw is None else screw.left_out(table),
+        left_out=None if screw is None else screw.left_out(table),
+        band=band,
         facts={**before.facts, **axis_data.facts, "readings": before.source},
-        notes=(*axis_data.notes, *after.remarks),
+        notes=(*axis_data.notes, *after.remarks, *([] if band is None else band.described(table))),
     )
 
 
-def _left_out(survey: Survey, table: CorrectionTable) -> LeftOut | None:
-    """Return E that a table will leave between the targets; None with too few targets."""
+def _screw(survey: Survey) -> "MeasuredScrew | None":
+    """Return the curves that the readings allow; None with too few targets."""
     from gateway.metrology.screw import LEAST_TARGETS, MOST_TARGETS, screw_of
 
     periods = ScrewOptions().periods(survey)
     if not LEAST_TARGETS <= len({each.target for each in survey.readings}) <= MOST_TARGETS:
         return None
-    return screw_of(survey.readings, survey.units, periods).left_out(table)
+    return screw_of(survey.readings, survey.units, periods)

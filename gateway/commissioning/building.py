@@ -13,6 +13,7 @@ from gateway.commissioning.table_options import (
     MaxSlope,
     OutOptions,
     ShapeOptions,
+    StatedOptions,
     steep_allowed,
     writable_names,
 )
@@ -24,7 +25,7 @@ from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate, results_json
 from gateway.metrology.lead import longest
 from gateway.metrology.readings import Survey, check_uncorrected, understood
-from gateway.metrology.recipe import Recipe, build_from, from_one_zero
+from gateway.metrology.recipe import Built, Recipe, build_from, from_one_zero
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
 from gateway.metrology.scale import check_scale
 from gateway.options import Option, Options
@@ -32,6 +33,7 @@ from gateway.plain import JsonObject
 from gateway.tabfile import LoadedTable, TabFileError, axis_of_name, dialect_named
 
 if TYPE_CHECKING:
+    from gateway.metrology.band import Band
     from gateway.metrology.fitting import FitEvidence
 
 OWN_OPTIONS: Final = {
@@ -62,7 +64,11 @@ class BuildOptions(Options):
         float | None, Option("Smooth over this length, and say how much that changes.", metavar="WINDOW")
     ] = None
     drop_outliers: Annotated[bool, Option("Leave out outliers, and runs that are wrong as a whole.")] = False
+    drop_noise: Annotated[
+        bool, Option("Make 0 of each correction that is smaller than its own uncertainty.")
+    ] = False
     shape: ShapeOptions = field(default_factory=ShapeOptions)
+    stated: StatedOptions = field(default_factory=StatedOptions)
     keep_scale: Annotated[
         bool, Option("Make the table even if the readings are wrong by more than 0.3 mm/m.")
     ] = False
@@ -85,6 +91,7 @@ def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
     """
     check_uncorrected(survey.source, survey.facts, "table refine adds it to that table")
     periods = options.shape.screw.periods(survey)
+    options.stated.inputs(survey)  # what is wrong in it is said before a file is written
     survey, screw = from_one_zero(survey, periods, drop=options.drop_outliers)
     if not options.keep_scale:
         try:
@@ -109,7 +116,10 @@ def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
         refusal=lambda each: refusal(target, each.in_units(unit), writing, steepest),
     )
     built = build_from(survey, recipe, screw)
-    table = built.table.in_units(unit)
+    found = built.table
+    if options.drop_noise:
+        found = _without_noise(built, options.stated.band(built.screw, found, built.home, survey), survey)
+    table = found.in_units(unit)
     try:
         written = written_table(table, target, writing, steepest, OWN_OPTIONS)
     except TabFileError as error:
@@ -126,6 +136,7 @@ def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
     ]
     written = replace(written, again=again)
     written.put(out, force=options.force)
+    in_force = again.table.in_units(survey.units)
     return BuiltTable(
         out,
         tuple(notes),
@@ -133,6 +144,7 @@ def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
         before=evaluate(survey),
         predicted=evaluate(predicted_residue(survey, again.table)),
         left_out=None if built.screw is None else built.screw.left_out(again.table),
+        band=options.stated.band(built.screw, in_force, built.home, survey),
         survey=survey,
         evidence=built.evidence,
         lead=longest(periods),
@@ -149,6 +161,8 @@ class BuiltTable:
     before: Evaluation
     predicted: Evaluation
     left_out: LeftOut | None
+    band: "Band | None"
+    """The uncertainty of its corrections; None: the readings do not tell it."""
     survey: Survey
     evidence: "FitEvidence | None"
     lead: float | None
@@ -166,10 +180,20 @@ class BuiltTable:
             **self.written.as_data(),
             "before": results_json(self.before),
             "predicted": {**results_json(self.predicted), **predicted_json(self.predicted, self.left_out)},
+            "uncertainty": None if self.band is None else self.band.as_data(again.table),
             "fit": None if self.evidence is None else self.evidence.as_data(),
             "understood": understood(self.survey),
             **json_of(self.survey, self.lead),
         }
+
+
+def _without_noise(built: Built, band: "Band | None", survey: Survey) -> CorrectionTable:
+    """Return the table without corrections that are noise. Raises ReadingsError: nothing tells which."""
+    if band is None:
+        raise ReadingsError(f"{survey.source}: remove --drop-noise: these readings do not tell what is noise")
+    from gateway.metrology.band import without_noise
+
+    return without_noise(built.table, band)
 
 
 def _add_warnings(error: Exception, survey: Survey) -> None:

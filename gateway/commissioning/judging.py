@@ -5,7 +5,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
-from gateway.commissioning.table_options import Counts, FormatOptions, ReadOptions, ScrewOptions
+from gateway.commissioning.table_options import (
+    Counts,
+    FormatOptions,
+    ReadOptions,
+    ScrewOptions,
+    StatedOptions,
+)
+from gateway.compensation.table import CorrectionTable
+from gateway.metrology.build import home_of
 from gateway.metrology.doubts import json_of, notes_of
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation, evaluate, results_json
@@ -13,7 +21,7 @@ from gateway.metrology.lead import Period, longest
 from gateway.metrology.outliers import find_outliers
 from gateway.metrology.readings import Survey, check_same_axis, check_uncorrected, understood, was_corrected
 from gateway.metrology.residue import LeftOut, predicted_json, predicted_residue
-from gateway.metrology.uncertainty import budget_of, inputs_of, limit_json, limit_line
+from gateway.metrology.uncertainty import budget_of, limit_json, limit_line
 from gateway.metrology.vdi_3441 import vdi_json, vdi_line
 from gateway.options import Option, Options
 from gateway.plain import JsonObject
@@ -22,6 +30,7 @@ from gateway.report.findings import find, other_stretch
 from gateway.tabfile import LoadedTable
 
 if TYPE_CHECKING:
+    from gateway.metrology.band import Band
     from gateway.metrology.screw import MeasuredScrew
 
 NO_PREDICTION: Final = "evaluate it without a table: it cannot show what another table would leave"
@@ -49,14 +58,7 @@ class EvaluateOptions(Options):
     limit: Annotated[
         float | None, Option("In µm (arcsec): say whether A is within it, with the uncertainty.")
     ] = None
-    u_instrument: Annotated[
-        float, Option("Uncertainty of the instrument over the length, k = 2, in µm (arcsec).")
-    ] = 0.0
-    u_alignment: Annotated[
-        float, Option("How far gantry or scale deviate from the axis over its length, in mm.")
-    ] = 0.0
-    u_temperature: Annotated[float, Option("Possible range of the screw's temperature, in K.")] = 0.0
-    u_environment: Annotated[float, Option("Change within an hour of a drift test, in µm (arcsec).")] = 0.0
+    stated: StatedOptions = field(default_factory=StatedOptions)
     report: Annotated[
         Path | None, Option("Write a report: .html, .png or .svg.", metavar="OUT", is_read_by_us=True)
     ] = None
@@ -96,14 +98,19 @@ def judge(
     notes = (*notes, *notes_of(before, options.counts_per_unit, with_scale=has_scale, lead=period))
     if after is not None:
         notes = (*notes, *(f"after: {note}" for note in notes_of(after, with_scale=False)))
-    left_out = None
+    left_out = band = None
     if loaded is not None:
-        left_out, warnings = _between(before, loaded, periods, screw)
+        screw, warnings = _between(before, periods, screw)
         notes = (*notes, *warnings)
+        left_out = None if screw is None else screw.left_out(loaded.table)
+        table = loaded.table.in_units(before.units)
+        band = options.stated.band(screw, table, home_of(table), before)
     last = results[1] if results[1] is not None and loaded is None else results[0]
-    by_others, more = _by_others(last, options)
+    by_others, more = _by_others(before, last, options)
     if options.report is not None:
-        axis_data = replace(_axis_data(before, second, loaded, (*notes, *by_others)), left_out=left_out)
+        uncertain = [] if band is None or loaded is None else band.described(loaded.table)
+        axis_data = _axis_data(before, second, loaded, (*notes, *by_others, *uncertain))
+        axis_data = replace(axis_data, left_out=left_out, band=band)
         _write_report(options.report, axis_data, force=options.force)
     return Judged(
         before,
@@ -111,6 +118,8 @@ def judge(
         notes,
         is_predicted=loaded is not None,
         left_out=left_out,
+        table=None if loaded is None else loaded.table,
+        band=band,
         by_others=by_others,
         more=more,
         lead=period,
@@ -127,6 +136,10 @@ class Judged:
     notes: tuple[str, ...]
     is_predicted: bool
     left_out: LeftOut | None
+    table: CorrectionTable | None
+    """The one whose effect is predicted."""
+    band: "Band | None"
+    """Its uncertainty; None: unknown, or no table."""
     by_others: tuple[str, ...]
     """Results of other standards, and whether a limit is kept."""
     more: JsonObject
@@ -149,34 +162,30 @@ class Judged:
             "before": results_json(before),
             "after": shown,
             "is_predicted": self.is_predicted,
+            "uncertainty": None if self.band is None or self.table is None else self.band.as_data(self.table),
             "notes": list(self.notes),
         }
 
 
-def _by_others(last: Evaluation, options: EvaluateOptions) -> tuple[tuple[str, ...], JsonObject]:
+def _by_others(
+    survey: Survey, last: Evaluation, options: EvaluateOptions
+) -> tuple[tuple[str, ...], JsonObject]:
     """Return the results of VDI/DGQ 3441, and whether a limit is kept: as lines, and as plain data."""
     lines, data = [], JsonObject()
     if options.vdi:
         lines.append(vdi_line(last))
         data["vdi_3441"] = vdi_json(last)
     if options.limit is not None:
-        inputs = inputs_of(
-            last,
-            options.u_instrument,
-            options.u_alignment,
-            options.u_temperature,
-            options.u_environment,
-        )
-        budget = budget_of(last, inputs)
+        budget = budget_of(last, options.stated.inputs(survey))
         lines.append(limit_line(last, budget, options.limit))
         data["conformity"] = limit_json(last, budget, options.limit)
     return tuple(lines), data
 
 
 def _between(
-    survey: Survey, loaded: LoadedTable, periods: tuple[Period, ...], screw: "MeasuredScrew | None"
-) -> tuple[LeftOut | None, tuple[str, ...]]:
-    """Return E that a table will leave between the targets, and what they do not show."""
+    survey: Survey, periods: tuple[Period, ...], screw: "MeasuredScrew | None"
+) -> tuple["MeasuredScrew | None", tuple[str, ...]]:
+    """Return the curves that the readings allow, and what the targets do not show."""
     from gateway.metrology.fitting import warnings_of
     from gateway.metrology.screw import screw_of
 
@@ -184,7 +193,7 @@ def _between(
         screw = screw or screw_of(survey.readings, survey.units, periods)
     except ReadingsError as error:
         return None, (f"{error}: the error that the table leaves between its points is unknown",)
-    return screw.left_out(loaded.table), warnings_of(screw)
+    return screw, warnings_of(screw)
 
 
 def _all_notes(

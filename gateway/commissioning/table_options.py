@@ -2,19 +2,26 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Final
+from math import inf
+from typing import TYPE_CHECKING, Annotated, Final
 
 from gateway.compensation.settings import DEFAULT_MAX_SLOPE
+from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
-from gateway.metrology.build import Fit, HomeCase
+from gateway.metrology.build import Fit, HomeCase, HomeReference
 from gateway.metrology.drift import at_20_degrees
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.formats import FORMATS, ReadingsContext, Runs
 from gateway.metrology.lead import Period, periods_of
 from gateway.metrology.readings import Survey
+from gateway.metrology.uncertainty import UncertaintyInputs, inputs_of
 from gateway.options import Option, Options
 from gateway.tabfile import DIALECTS, ErrorSense, FileContext, TableOptions, WriteOptions
 from gateway.tabfile.options import DECLARED
+
+if TYPE_CHECKING:
+    from gateway.metrology.band import Band
+    from gateway.metrology.screw import MeasuredScrew
 
 NAMES: Final = ", ".join(each.name for each in FORMATS)
 
@@ -152,6 +159,89 @@ class ScrewOptions(Options):
             ReadingsError: see :func:`gateway.metrology.drift.at_20_degrees`.
         """
         return survey if self.to_20c is None else at_20_degrees(survey, self.to_20c)
+
+
+@dataclass(frozen=True, slots=True)
+class StatedOptions(Options):
+    """What a person knows about the instrument and the temperatures. Default: the lines of the readings."""
+
+    u_instrument: Annotated[
+        float | None,
+        Option(
+            "Uncertainty of the instrument over the length, k = 2, in µm (arcsec). Default: the line "
+            "'# u_instrument' of the readings, or 0.",
+            min=0.0,
+        ),
+    ] = None
+    u_alignment: Annotated[
+        float | None,
+        Option(
+            "How far beam or scale leave the axis over its length, in mm; also a line '# u_alignment'.",
+            min=0.0,
+        ),
+    ] = None
+    u_temperature: Annotated[
+        float | None,
+        Option("Possible range of the screw's temperature, in K; also a line '# u_temperature'.", min=0.0),
+    ] = None
+    u_environment: Annotated[
+        float | None,
+        Option(
+            "Change within an hour of a drift test, in µm (arcsec); also a line '# u_environment'.", min=0.0
+        ),
+    ] = None
+
+    def given(self) -> dict[str, float]:
+        """Return the given values, by the names of their lines in a file of readings."""
+        values = {name: getattr(self, name) for name in self.__slots__}
+        return {name: value for name, value in values.items() if value is not None}
+
+    def inputs(self, survey: Survey) -> UncertaintyInputs:
+        """Return the given values, or those in the readings, in the units of the readings.
+
+        Raises:
+            ReadingsError: a value that is not a number of 0 or more.
+        """
+        numbers = [self._stated(survey, name) or 0.0 for name in self.__slots__]
+        return inputs_of(survey.units, *numbers)
+
+    def missing(self, survey: Survey) -> tuple[str, ...]:
+        """Return what nobody stated, with its option; for a walk of a block with the line of its file."""
+        if any(name in survey.facts for name in ("block_grade", "block_uncertainty_um")):
+            walked = {
+                "dial_error_um": "the dial over its range",
+                "block_temperature_range": "the temperatures of block and axis",
+            }
+            return tuple(f"{what} (# {name})" for name, what in walked.items() if name not in survey.facts)
+        named = {"u_instrument": "the instrument", "u_temperature": "the temperature of the screw"}
+        return tuple(
+            f"{what} (--{name.replace('_', '-')})"
+            for name, what in named.items()
+            if self._stated(survey, name) is None
+        )
+
+    def band(
+        self,
+        screw: "MeasuredScrew | None",
+        table: CorrectionTable,
+        home: HomeReference | None,
+        survey: Survey,
+    ) -> "Band | None":
+        """Return the uncertainty of a table along the axis; None: the readings do not tell it."""
+        inputs = self.inputs(survey)
+        if screw is None:
+            return None
+        from gateway.metrology.band import band_of
+
+        return band_of(screw, table, home, inputs, self.missing(survey))
+
+    def _stated(self, survey: Survey, name: str) -> float | None:
+        value: float | None = getattr(self, name)
+        if value is None and (stated := survey.facts.get(name)) is not None:
+            value = _number(survey.source, name, stated, "0 or more", name.replace("_", "-"))
+            if not 0.0 <= value < inf:
+                raise ReadingsError(f"{survey.source}: # {name}: {stated}: it must be 0 or more")
+        return value
 
 
 @dataclass(frozen=True, slots=True)

@@ -60,6 +60,17 @@ class HomeReference:
     direction: Direction
 
 
+def home_of(table: CorrectionTable) -> HomeReference | None:
+    """Return the home of a table from a file: where its correction is 0, nearest to position 0; or None."""
+    points = (
+        (abs(position), HomeReference(position, way))
+        for way, curve in zip(APPROACHES, (table.forward, table.backward), strict=True)
+        for position, correction in zip(table.positions, curve, strict=True)
+        if correction == 0.0
+    )
+    return min(points, key=lambda each: each[0], default=(0.0, None))[1]
+
+
 class HomeCase(Enum):
     """The three cases of TB058: how the axis homes, and on which side of home its travel is."""
 

@@ -33,6 +33,8 @@ MOST_TUNED: Final = 120
 FEATURES: Final = 240
 PAIR: Final = (0.9, 0.44)
 """What is too short to be resolved consists of two waves: their shares, with squares that sum to 1."""
+SHORT_TURNS: Final = (2.0, 8.0)
+"""Their turns in the mean distance of the samples are between these, all equally likely."""
 MODULATED: Final = 60
 LOCAL: Final = 1.6
 """By scatter alone, three neighbours rarely miss by more than this many times the expected distance."""
@@ -179,6 +181,31 @@ class Process:
         result: Array = mean + self.surprise(at)[:, None] * (drawn - mean)
         return result
 
+    def covariance(self, one: Array, other: Array) -> Array:
+        """Return the covariance of the curve at two lists of positions, given the samples.
+
+        It is that of :meth:`draws` (ibid., 2.26). What is too short for the samples is in it as unknown.
+        """
+        sizes, signed = self.sizes, one[:, None] - other[None, :]
+        found: Array = _kernel(self.kind, sizes, _Distances.of(self.kind, signed))
+        found += self._free * _trend(self.samples, self.kind, one) @ _trend(self.samples, self.kind, other).T
+        found -= self._reach(one) @ self._inverse @ self._reach(other).T
+        if self.kind.has_short:
+            found += np.exp(2 * sizes[_SHORT]) * _short_kernel(signed / self.samples.gap)
+        return self.surprise(one)[:, None] * found * self.surprise(other)
+
+    def variance(self, at: Array) -> Array:
+        """Return the variance of the curve at positions, given the samples: the diagonal of that."""
+        sizes, reach = self.sizes, self._reach(at)
+        found: Array = _kernel(self.kind, sizes, _Distances.of(self.kind, np.zeros((1, 1))))[0, 0]
+        found = found + self._free * np.square(_trend(self.samples, self.kind, at)).sum(axis=1)
+        found -= np.einsum("ij,ij->i", reach @ self._inverse, reach)
+        if self.kind.has_short:
+            found += np.exp(2 * sizes[_SHORT])
+        # Differences of large numbers: at a sample without scatter nothing is left but their rounding.
+        result: Array = self.surprise(at) ** 2 * np.maximum(found, 0.0)
+        return result
+
     def surprise(self, at: Array) -> Array:
         """Return the ratio of left-out misses to the expected ones, at least 1.
 
@@ -234,7 +261,7 @@ class Process:
         """Return waves too short for the targets: nearly always they repeat, with one period or two."""
         total: Array = np.zeros((len(at), count))
         for share in PAIR:
-            periods = self.samples.gap / random.uniform(2.0, 8.0, count)
+            periods = self.samples.gap / random.uniform(*SHORT_TURNS, count)
             phases = random.uniform(0.0, 2 * pi, count)
             total += share * 2**0.5 * np.sin(2 * pi * at[:, None] / periods + phases)
         return total
@@ -617,6 +644,16 @@ def _matern(order: float, ratio: Array) -> Array:
         result = (1.0 + scaled + scaled**2 / 3.0) * np.exp(-scaled)
     else:
         result = np.exp(-0.5 * ratio**2)
+    return result
+
+
+def _short_kernel(ratio: Array) -> Array:
+    """Return the correlation of waves too short for the samples; ``ratio``: distances in their mean one.
+
+    It is the mean of a wave over :data:`SHORT_TURNS`: ``(sin(2 π b r) - sin(2 π a r)) / (2 π r (b - a))``.
+    """
+    low, high = SHORT_TURNS
+    result: Array = (high * np.sinc(2 * high * ratio) - low * np.sinc(2 * low * ratio)) / (high - low)
     return result
 
 

@@ -51,6 +51,10 @@ class Refined:
     """E that the old table leaves between the targets, in the units of the readings; None: unknown."""
     left_out: LeftOut | None = None
     """The same of the new one."""
+    screw: "MeasuredScrew | None" = None
+    """The curves of the rest that the readings allow; None: not requested, or too few readings."""
+    added: CorrectionTable | None = None
+    """The new table less the old one, if there are such curves."""
 
     @property
     def units(self) -> Units:
@@ -113,10 +117,11 @@ def refine_table(
             "because the table would remove most of their error. Then the new table would correct twice"
         )
     notes.extend(remarks)
-    before = after = None
+    before = after = added = None
     if screw is not None:
-        before, after = screw.left_out(_less(old, old)), screw.left_out(_less(new, old))
-        if screw.leaves(_less(new, old)) > DONE * screw.leaves(_less(old, old)):
+        added = _less(new, old)
+        before, after = screw.left_out(_less(old, old)), screw.left_out(added)
+        if screw.leaves(added) > DONE * screw.leaves(_less(old, old)):
             notes.append(
                 "give the lead (--lead), or measure more finely: another round at such targets does not "
                 "help. The remaining error is the scatter of the readings, or shorter than the distance "
@@ -124,7 +129,7 @@ def refine_table(
             )
     if home is None:
         notes.append("no home reference: the reading at home is in the table like any other reading")
-    return Refined(new, change(old, new), tuple(notes), before, after)
+    return Refined(new, change(old, new), tuple(notes), before, after, screw, added)
 
 
 def _followed(

@@ -134,6 +134,8 @@ class MeasuredScrew:
     """Runs that do not fit the others, in words."""
     scatter: float | None
     """Standard deviation of one reading; None if unknown."""
+    kinds: tuple[tuple[Process, float], ...]
+    """Every kind of curve that is nearly as good as the best, with the share of its likelihood."""
     _positions: Array
     _likely: "_Draws"
     _plausible: "tuple[_Draws, ...]"
@@ -253,18 +255,12 @@ class MeasuredScrew:
             return LeftOut(None, low, None, hidden)
         return LeftOut(middle, low, high)
 
-    def spread(self, reference: float) -> tuple[Array, Array, Array]:
-        """Return positions, and the standard uncertainty of the forward and the backward correction there.
-
-        The corrections are those of a table that is 0 at ``reference``, approached forward.
-        """
-        curves = np.vstack(self._likely)
-        if not self.is_scale_known:
-            curves = without_slope(np.tile(self._positions, 2), curves)
-        count = len(self._positions)
-        at = int(np.argmin(np.abs(self._positions - reference)))
-        spread = (curves - curves[at]).std(axis=1, ddof=1)
-        return self._positions, spread[:count], spread[count:]
+    @property
+    def ways(self) -> tuple[Direction, ...]:
+        """The directions that were measured."""
+        if self.reversal is not None:
+            return APPROACHES
+        return APPROACHES[:1] if any(value is not None for value in self.means.forward) else APPROACHES[1:]
 
     def _quantiles(self, table: CorrectionTable, drawn: "_Draws") -> tuple[float, float, float]:
         """Return quantiles of E over curves that the readings allow.
@@ -277,9 +273,7 @@ class MeasuredScrew:
             np.interp(self._positions, np.asarray(here.positions), np.asarray(curve))
             for curve in (here.forward, here.backward)
         ]
-        ways = [0, 1]
-        if self.reversal is None:
-            ways = [0] if any(value is not None for value in self.means.forward) else [1]
+        ways = [APPROACHES.index(way) for way in self.ways]
         left = np.vstack([added[way][:, None] - _at(drawn[way], self._positions, added[way]) for way in ways])
         if not self.is_scale_known:
             left = without_slope(np.tile(self._positions, len(ways)), left)
@@ -356,12 +350,13 @@ def screw_of(readings: Iterable[Reading], units: Units, periods: Iterable[Period
     repeating = [each for each in kinds if each.kind.periods]
     harmonic = min(repeating, key=lambda each: each.score) if repeating else None
     positions = _positions(middle, [period.length for period in shown])
-    likely, plausible = _draw(kinds, reversal, positions)
+    near = _shares(kinds)
+    likely, plausible = _draw(kinds, near, reversal, positions)
     if scatter is None and is_guessed and reversal is not None:
         scatter = float(np.exp(reversal.sizes["noise"])) * 2**0.5
     return MeasuredScrew(
         units, means, smooth, harmonic, reversal, _harmonics(harmonic, shown), given, aliased, jumps,
-        unsettled, scatter, positions, likely, plausible,
+        unsettled, scatter, near, positions, likely, plausible,
     )  # fmt: skip
 
 
@@ -403,7 +398,8 @@ def screw_of_differences(given: Differences) -> MeasuredScrew:
     repeating = [each for each in kinds if each.kind.periods]
     harmonic = min(repeating, key=lambda each: each.score) if repeating else None
     positions = _positions(middle, lengths)
-    likely, plausible = _draw(kinds, given.reversal, positions)
+    near = _shares(kinds)
+    likely, plausible = _draw(kinds, near, given.reversal, positions)
     best = smooth if harmonic is None or smooth.score < harmonic.score else harmonic
     at = np.array(targets)
     mean = best.mean(at) - _zero_line(best, positions, is_scale_known=given.is_scale_known)(at)
@@ -412,7 +408,7 @@ def screw_of_differences(given: Differences) -> MeasuredScrew:
     aliased = tuple(each for each in periods if each not in shown)
     return MeasuredScrew(
         given.units, means, smooth, harmonic, given.reversal, _harmonics(harmonic, shown), periods, aliased,
-        (), "", given.scatter, positions, likely, plausible, given.is_scale_known, given.concealed,
+        (), "", given.scatter, near, positions, likely, plausible, given.is_scale_known, given.concealed,
     )  # fmt: skip
 
 
@@ -543,20 +539,29 @@ def _positions(samples: Samples, periods: Sequence[float]) -> Array:
     return np.linspace(samples.positions[0], samples.positions[-1], int(min(count, MOST_POSITIONS)))
 
 
+def _shares(kinds: Sequence[Process]) -> tuple[tuple[Process, float], ...]:
+    """Return every kind that is nearly as good as the best, with the share of its likelihood."""
+    best = min(each.score for each in kinds)
+    near = [each for each in kinds if each.score - best < WORTH]
+    weights = np.array([np.exp(best - each.score) for each in near])
+    return tuple(zip(near, (weights / weights.sum()).tolist(), strict=True))
+
+
 def _draw(
-    kinds: Sequence[Process], reversal: Process | None, positions: Array
+    kinds: Sequence[Process],
+    near: Sequence[tuple[Process, float]],
+    reversal: Process | None,
+    positions: Array,
 ) -> tuple[_Draws, tuple[_Draws, ...]]:
-    """Draw curves from every kind that is nearly as good as the best, in proportion to its likelihood.
+    """Draw curves from the kinds that are nearly as good as the best, in proportion to their likelihood.
 
     Beside them are the curves of each repeating kind that may be right, whatever its likelihood. Few targets
     show only by chance whether the repeating part varies along the screw; the bounds must not depend on that.
     """
     best = min(each.score for each in kinds)
-    near = [each for each in kinds if each.score - best < WORTH]
-    weights = np.array([np.exp(best - each.score) for each in near])
-    shares = np.floor(np.cumsum(weights / weights.sum()) * DRAWS + 0.5).astype(int)
+    shares = np.floor(np.cumsum([share for _, share in near]) * DRAWS + 0.5).astype(int)
     random = np.random.default_rng(SEED)
-    counts = zip(near, np.diff(shares, prepend=0), strict=True)
+    counts = zip([each for each, _ in near], np.diff(shares, prepend=0), strict=True)
     middle = np.hstack([each.draws(positions, int(count), random) for each, count in counts if count])
 
     half = np.zeros_like(middle) if reversal is None else reversal.draws(positions, middle.shape[1], random)

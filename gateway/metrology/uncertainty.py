@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from math import hypot, isfinite, sqrt
 from typing import Final
 
+from gateway.compensation.units import Units
 from gateway.metrology.errors import ReadingsError
 from gateway.metrology.evaluation import Evaluation
 from gateway.metrology.readings import small_unit
@@ -66,18 +67,25 @@ class UncertaintyBudget:
         return hypot(*(part for _, part in self.parts))
 
 
+def growing_parts(inputs: UncertaintyInputs, length: float) -> tuple[tuple[str, float], ...]:
+    """Return the contributions that grow from 0 at home to these over a length; expanded, k = 2."""
+    cosine = inputs.misalignment**2 / (2 * length) if length else 0.0
+    return (
+        ("instrument", inputs.instrument),
+        ("alignment", RANGE * cosine),
+        ("temperature", RANGE * inputs.expansion * length * inputs.temperature_range),
+        ("expansion", RANGE * inputs.off_20 * length * inputs.expansion_range),
+    )
+
+
 def budget_of(found: Evaluation, inputs: UncertaintyInputs) -> UncertaintyBudget:
     """Return the budget of A for the measured length."""
     length = found.targets[-1].target - found.targets[0].target
     approaches = [way for each in found.targets for way in (each.forward, each.backward) if way is not None]
     means = [2 * way.s / sqrt(len(way.deviations)) for way in approaches if way.s is not None]
-    cosine = inputs.misalignment**2 / (2 * length) if length else 0.0
     return UncertaintyBudget(
         (
-            ("instrument", inputs.instrument),
-            ("alignment", RANGE * cosine),
-            ("temperature", RANGE * inputs.expansion * length * inputs.temperature_range),
-            ("expansion", RANGE * inputs.off_20 * length * inputs.expansion_range),
+            *growing_parts(inputs, length),
             ("environment", RANGE * inputs.environment),
             ("repeatability", max(means, default=0.0)),
         )
@@ -96,17 +104,17 @@ def verdict(value: float, expanded: float, limit: float) -> str:
 
 
 def inputs_of(
-    found: Evaluation, instrument_um: float, misalignment_mm: float, temperature: float, environment_um: float
+    units: Units, instrument_um: float, misalignment_mm: float, temperature: float, environment_um: float
 ) -> UncertaintyInputs:
     """Return the given values, in the units of the readings.
 
     Raises:
         ReadingsError: a number below 0.
     """
-    factor = small_unit(found.units).factor
+    factor = small_unit(units).factor
     return UncertaintyInputs(
         instrument=instrument_um / factor,
-        misalignment=found.units.from_mm(misalignment_mm),
+        misalignment=units.from_mm(misalignment_mm),
         temperature_range=temperature,
         environment=environment_um / factor,
     )

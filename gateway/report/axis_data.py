@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gateway.compensation.table import CorrectionTable
 from gateway.compensation.units import Units
@@ -10,6 +11,9 @@ from gateway.metrology.readings import Survey
 from gateway.metrology.residue import LeftOut
 from gateway.report.words import shortest
 from gateway.tabfile import LoadedTable, axis_of_name
+
+if TYPE_CHECKING:
+    from gateway.metrology.band import Band
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +33,8 @@ class AxisData:
     facts: Mapping[str, str] = field(default_factory=dict)
     left_out: LeftOut | None = None
     """Predicted E between the targets of a predicted ``after``; None: not known."""
+    band: "Band | None" = None
+    """The uncertainty of the table's corrections; None: not known."""
     notes: tuple[str, ...] = ()
     """What a reader has to know: named outliers, estimated points, losses."""
 

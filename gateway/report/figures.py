@@ -4,8 +4,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
+from gateway.compensation.direction import Direction
 from gateway.compensation.table import CorrectionTable
 from gateway.metrology.evaluation import Approach, Evaluation
+from gateway.metrology.tables import correction_at
 from gateway.report.drawing import (
     BACKWARD,
     BACKWARD_STYLE,
@@ -28,6 +30,8 @@ from gateway.report.words import GAP
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from gateway.metrology.band import Band
 
 _WAYS: Final[tuple[tuple[str, str, dict[str, Any]], ...]] = (
     ("forward", FORWARD, FORWARD_STYLE),
@@ -238,8 +242,12 @@ def correction_panel(found: AxisResults) -> Panel | None:
         return None
     show = found.scale.of
 
+    band = found.axis_data.band
+
     def draw(axes: "Axes") -> None:
         dress(axes, found, "correction")
+        if band is not None:
+            _draw_band(axes, found, table, band)
         if table.is_unidirectional:
             one = [show(c) for c in table.forward]
             curve(axes, table.positions, one, "both", label="both directions", **BOTH_STYLE)
@@ -259,8 +267,36 @@ def correction_panel(found: AxisResults) -> Panel | None:
     )
     if table.is_unidirectional:
         about += " The table is the same for both directions."
+    if band is not None:
+        about += (
+            " The band around it is its uncertainty (k = 2): in 95 % of cases the correction that the nut "
+            "needs is within it."
+        )
+        if band.unknown:
+            about += " It may be wider, because the targets hide a part of the error."
     about += thinning_text(len(table.positions))
-    return Panel("correction", "Correction table", about, draw)
+    title = "Correction table" if band is None else "Correction table, bands of 95 %"
+    return Panel("correction", title, about, draw)
+
+
+def _draw_band(axes: "Axes", found: AxisResults, table: CorrectionTable, band: "Band") -> None:
+    """Draw the uncertainty to both sides of the corrections, where it was measured."""
+    positions = list(band.positions)
+    colours = {Direction.FORWARD: FORWARD, Direction.BACKWARD: BACKWARD}
+    if table.is_unidirectional:
+        colours = {Direction.FORWARD if band.backward is None else Direction.BACKWARD: BOTH}
+    for way, colour in colours.items():
+        values = band.of(way)
+        if values is None:
+            continue
+        middle = [correction_at(table, x, way) for x in positions]
+        low, high = (
+            [found.scale.of(c + side * u) for c, u in zip(middle, values, strict=True)] for side in (-1, 1)
+        )
+        name = f"uncertainty-{way.name.lower()}"
+        axes.fill(
+            *_outline(positions, low, high), gid=name, color=colour, alpha=0.16, linewidth=0, zorder=1.8
+        )
 
 
 # --- Lost motion

@@ -7,6 +7,7 @@ from importlib.resources import files
 from typing import Final
 
 from gateway import __version__
+from gateway.compensation.direction import Direction
 from gateway.metrology.evaluation import Evaluation, missing_of
 from gateway.report.axis_data import Report
 from gateway.report.drawing import VARIABLES, Panel, opening_tag, panel_svg
@@ -260,8 +261,10 @@ def points_table(found: AxisResults) -> str:
     count = len(table.positions)
     unit, position = escape(found.scale.deviation), escape(found.scale.position)
     rows = "".join(
-        f'<tr><th scope="row">{shortest(at)}</th><td>{_point(found, forward)}</td>'
-        f"<td>{_point(found, backward)}</td><td>{_point(found, forward - backward)}</td></tr>\n"
+        f'<tr><th scope="row">{shortest(at)}</th><td>{_point(found, forward)}'
+        f"{_uncertain(found, at, Direction.FORWARD)}</td>"
+        f"<td>{_point(found, backward)}{_uncertain(found, at, Direction.BACKWARD)}</td>"
+        f"<td>{_point(found, forward - backward)}</td></tr>\n"
         for at, forward, backward in zip(
             table.positions[:MOST_ROWS],
             table.forward[:MOST_ROWS],
@@ -272,6 +275,8 @@ def points_table(found: AxisResults) -> str:
     omission = (
         f" The first {MOST_ROWS} are listed; the file of the table has all." if count > MOST_ROWS else ""
     )
+    if found.axis_data.band is not None:
+        omission += " ±: its uncertainty (k = 2, 95 %)."
     return (
         f"<details>\n<summary>The {count} points of the table</summary>\n"
         f'<div class="wide"><table>\n<caption>What is added to a command, in {unit}.{omission}</caption>\n'
@@ -279,6 +284,13 @@ def points_table(found: AxisResults) -> str:
         '<th scope="col">moving backward</th><th scope="col">difference</th></tr></thead>\n'
         f"<tbody>\n{rows}</tbody>\n</table></div>\n</details>\n"
     )
+
+
+def _uncertain(found: AxisResults, at: float, way: Direction) -> str:
+    """Return the uncertainty of a correction; empty if it is unknown."""
+    band = found.axis_data.band
+    value = None if band is None else band.at(at, way)
+    return "" if value is None else f" <small>±{GAP}{number(found.scale.of(value), POINT_DECIMALS)}</small>"
 
 
 def _point(found: AxisResults, correction: float) -> str:

@@ -328,7 +328,9 @@ def test_evaluate_judges_a_limit_and_shows_vdi_3441(oracle: Path, tmp_path: Path
         assert line in said
         assert line in page.read_text()
     assert "--limit 0: it must be above 0" in refused("evaluate", oracle, "--limit", 0)
-    assert "instrument -0.001" in refused("evaluate", oracle, "--limit", 9, "--u-instrument", -1)
+    below = run("evaluate", oracle, "--limit", 9, "--u-instrument", -1)
+    assert below.exit_code == 2
+    assert "greater than or equal to 0" in below.output
 
 
 # Readings with a table and without, and of two axes, never get into one table or one report.

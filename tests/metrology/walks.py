@@ -19,12 +19,14 @@ from typing import Final
 import numpy as np
 
 from gateway.compensation.units import Units
-from gateway.metrology.build import Fit
+from gateway.metrology.band import band_of
+from gateway.metrology.build import Fit, HomeReference
 from gateway.metrology.differences import joined
 from gateway.metrology.lead import periods_of
 from gateway.metrology.readings import Reading, Survey
 from gateway.metrology.recipe import Recipe, build_from
 from gateway.metrology.standard import Grade, Standard, limit_um
+from gateway.metrology.uncertainty import UncertaintyInputs
 from gateway.metrology.walk import Walk
 from tests.metrology import screws
 from tests.metrology.screws import DOWN, UP, CurveKind, Screw
@@ -141,7 +143,9 @@ def case(
     if not is_known:
         x = np.tile(places - places.mean(), 2)
         after = after - x * (x @ after) / (x @ x)
-    positions, forward, _ = found.screw.spread(0.0)
+    band = band_of(found.screw, built.table, HomeReference(0.0, UP), UncertaintyInputs())
+    assert band is not None
+    positions, forward = np.array(band.positions), np.array(band.forward)
     truth = -(np.interp(positions, places, before[0]) - before[0][0])
     corrections = np.interp(positions, built.table.positions, built.table.forward)
     missed = corrections - corrections[0] - truth
@@ -149,7 +153,7 @@ def case(
         x = positions - positions.mean()
         missed = missed - x * (x @ missed) / (x @ x)
         missed = missed - missed[0]
-    inside = np.abs(missed) <= 1.96 * forward + 1e-12
+    inside = np.abs(missed) <= forward + 1e-12
     return Case(
         kind.name,
         float(np.ptp(before)) * 1000,

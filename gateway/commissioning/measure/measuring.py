@@ -297,6 +297,11 @@ class Measuring:
         self.is_walk = options.walk.is_walk
         if options.walk.is_asked and not self.is_walk:
             raise AxisError("the options of a block need --method block-walk")
+        if options.stated.given() and self.is_walk:
+            raise AxisError(
+                "block-walk: remove the options --u-..., and give --dial-error and --block-temperature-range"
+            )
+        self._stated = options.stated
         self.instrument = instrument_of(options.reader, self._lines, unit, is_walk=self.is_walk)
         self._settings = run_settings_of(options.pace, options.reader, plan)
         self._walk = options.walk
@@ -449,8 +454,11 @@ class Measuring:
             return walk_plan_of(self._grid, self._walk, self._axis), ()
         if resume is None:
             return plan_of(replace(self._grid, lead=self._lead), self._axis), ()
-        if self._grid.is_asked or self._walk.is_asked or self._results.readings is not None:
-            raise FileError("--resume: the file defines the measurement: remove targets and --readings")
+        is_asked = self._grid.is_asked or self._walk.is_asked or bool(self._stated.given())
+        if is_asked or self._results.readings is not None:
+            raise FileError(
+                "--resume: the file defines the measurement: remove targets, --readings and options --u-..."
+            )
         self._earlier = earlier = read_earlier(resume, self.units)
         if earlier.facts.get("axis") != self._axis.name:
             raise FileError(f"{resume}: is a measurement of axis {earlier.facts.get('axis')}")
@@ -531,6 +539,7 @@ class Measuring:
                 facts["lead"] = f"{self._lead:.9g}"
             if axis.settings.max_slope != DEFAULT_MAX_SLOPE:
                 facts["max_slope"] = f"{axis.settings.max_slope:g}"
+            facts |= {name: f"{value:g}" for name, value in self._stated.given().items()}
             file.create({**facts, "instrument": self.instrument.title, "measured": now})
         self.readings_file = file.path
         try:

@@ -3,11 +3,12 @@
 A value outside its limits raises an ``OptionError`` here, before anything is checked or moved.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
 from typing import Annotated
 
+from gateway.commissioning.table_options import StatedOptions
 from gateway.metrology.gauge_kinds import GaugeKind
 from gateway.metrology.standard import Grade
 from gateway.metrology.walk import LEAST, MOST, MOST_PER_SIDE
@@ -246,3 +247,4 @@ class MeasureOptions:
     reader: InstrumentOptions = InstrumentOptions()
     results: Results = Results()
     walk: WalkOptions = WalkOptions()
+    stated: StatedOptions = field(default_factory=StatedOptions)

@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from gateway.commissioning.measure.errors import FileError, MeasureError
-from gateway.commissioning.table_options import ScrewOptions
+from gateway.commissioning.table_options import ScrewOptions, StatedOptions
 from gateway.compensation.backlash import with_backlash
 from gateway.compensation.correction_spec import spec_of_table
 from gateway.compensation.direction import Direction
@@ -33,6 +33,9 @@ from gateway.metrology.scale import reliable_scale
 from gateway.plain import JsonObject
 from gateway.tabfile import DIALECTS, TabFileError, Written, dialect_named, parse_table
 from gateway.tabfile.conversion import reader_lines, write
+
+if TYPE_CHECKING:
+    from gateway.metrology.band import Band
 
 FALLBACK_FORMATS: Final = ("csv", "centroid-3")
 SMALL: Final = {Units.MM: (1000.0, "µm"), Units.INCH: (10_000.0, "tenths (0.0001 inch)")}
@@ -62,6 +65,8 @@ class RunOutcome:
     """The table in use during the run, including the backlash setting; None if there was none."""
     left_out: LeftOut | None = None
     """E that the new table will leave between the targets, predicted by leaving out; None: unknown."""
+    band: "Band | None" = None
+    """The uncertainty of the new table's corrections; None: unknown."""
 
     def as_data(self) -> JsonObject:
         """Return the results for a program, in units of the axis."""
@@ -70,6 +75,7 @@ class RunOutcome:
             "units": self.survey.units.value,
             "results": results_json(self.evaluation),
             "predicted": left_out_json(self.survey.units, self.left_out),
+            "uncertainty": None if self.band is None else self.band.as_data(table),
             "table": {
                 "positions": list(table.positions),
                 "forward": list(table.forward),
@@ -97,7 +103,12 @@ class RunOutcome:
             )
         if self.left_out is not None:
             yield left_out_line(self.evaluation, self.left_out)
+        yield from self.uncertain()
         yield from self.notes
+
+    def uncertain(self) -> list[str]:
+        """Return sentences about the uncertainty of the new table."""
+        return [] if self.band is None else self.band.described(self.table, is_refined=self.is_refined)
 
 
 def outcome_of(
@@ -144,6 +155,9 @@ def outcome_of(
             )
             done: Refined | Built = refined
             left_out = refined.left_out
+            band = None
+            if refined.added is not None:
+                band = StatedOptions().band(refined.screw, refined.added, _home(axis, survey), survey)
         else:
             recipe = Recipe(
                 home=_home(axis, survey, is_over_travel=step is not None),
@@ -156,12 +170,13 @@ def outcome_of(
             )
             built = done = build_from(survey, recipe, screw)
             left_out = None if built.screw is None else built.screw.left_out(built.table)
+            band = StatedOptions().band(built.screw, built.table, built.home, survey)
     except (ReadingsError, TableError) as error:
         raise MeasureError(str(error)) from None
     change = None if active is None else largest_change(active, done.table, axis)
     used = active if is_active else None
     return RunOutcome(
-        survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used, left_out
+        survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used, left_out, band
     )
 
 
@@ -368,7 +383,9 @@ def survey_before(path: Path, axis: AxisPlan) -> Survey:
 
 def _report_notes(outcome: RunOutcome) -> tuple[str, ...]:
     """Return the notes of the report; a refined table has no figures in it."""
-    if not outcome.is_refined or outcome.left_out is None:
+    if not outcome.is_refined:
+        return (*outcome.notes, *outcome.uncertain())
+    if outcome.left_out is None:
         return outcome.notes
     left = left_out_text(small_unit(outcome.survey.units), outcome.left_out)
     return (*outcome.notes, f"the next table, made from these readings, will leave between its points {left}")
@@ -386,7 +403,9 @@ def write_report(outcome: RunOutcome, path: Path, axis: str, before: Survey | No
         axis_data = AxisData(axis, survey.units, outcome.active, before, survey)
     else:
         after = predicted_residue(survey, outcome.table)
-        axis_data = AxisData(axis, survey.units, outcome.table, survey, after, is_predicted=True)
+        axis_data = AxisData(
+            axis, survey.units, outcome.table, survey, after, is_predicted=True, band=outcome.band
+        )
     axis_data = replace(
         axis_data, facts=survey.facts, left_out=outcome.left_out, notes=_report_notes(outcome)
     )
