@@ -55,6 +55,8 @@ FREE_MM: Final = 1.0
 """Standard deviation of the deviation of a block of unknown length."""
 ZERO: Final = 30.0
 """Standard deviation of a zero beside its estimate, in the differences that the curve makes."""
+OPEN_ZERO: Final = 10.0
+"""The same, in the straight part at the ends that the length of the block leaves open."""
 NORMAL: Final = 0.6745
 """Median of the absolute value of a standard normal distribution."""
 MOST_SCORE: Final = 6.0
@@ -269,7 +271,11 @@ def _middle(
     # The block is placed once for both directions: that scatter is not in their difference.
     spread = SPREAD if scatter is not None else inf
     shared = Shared(setups, ZERO * max(typical, noise), _columns(places, survey))
-    return Samples(positions, values, noise**2 * shares / shares.mean(), spread, shared)
+    samples = Samples(positions, values, noise**2 * shares / shares.mean(), spread, shared)
+    if survey.standard.is_length_known:
+        # A length that is wrong moves the zeros along the walk: they are free beside that too.
+        shared = replace(shared, zero=max(shared.zero, OPEN_ZERO * samples.open_line))
+    return replace(samples, shared=shared)
 
 
 def _level(positions: Array, values: Array, setups: NDArray[np.intp]) -> tuple[Array, Array]:

@@ -28,6 +28,8 @@ KERNELS: Final = (ROUGH, 1.5, 2.5, ANALYTIC)
 """Orders of Matérn kernels."""
 TREND: Final = 100.0
 """Variance of offset and slope, in those of what a straight line leaves: they are free."""
+MOST_OPEN: Final = 100.0
+"""A straight part that is more open, in what a straight line leaves, could not be solved for in doubles."""
 MOST_TUNED: Final = 120
 """The sizes are fitted with at most this many of the targets; these are enough."""
 FEATURES: Final = 240
@@ -115,6 +117,17 @@ class Samples:
         return float(self.positions[-1] - self.positions[0])
 
     @property
+    def open_line(self) -> float:
+        """Size at the ends of the straight part that shared amounts leave open, as a block's length does."""
+        if self.shared is None or not self.shared.columns.size:
+            return 0.0
+        _, setups = np.unique(self.shared.setups, return_inverse=True)
+        middles = np.bincount(setups, self.positions) / np.bincount(setups)
+        along = self.positions - middles[setups]
+        slopes = along @ self.shared.columns / float(along @ along)
+        return float(np.linalg.norm(slopes)) * self.span / 2
+
+    @property
     def gap(self) -> float:
         """Mean distance of the positions."""
         return self.span / (len(self.positions) - 1)
@@ -170,7 +183,7 @@ class Process:
         positions = self.samples.positions
         all_positions = np.concatenate((positions, at))
         curves = self._free_curves(all_positions, count, random)
-        noise = np.sqrt(self._noise())[:, None] * random.standard_normal((len(positions), count))
+        noise = np.sqrt(self.noise())[:, None] * random.standard_normal((len(positions), count))
         if self.samples.shared is not None:
             noise += self.samples.shared.draws(count, random)
         rest = (self.samples.values - self._straight(positions))[:, None] - curves[: len(positions)] - noise
@@ -237,8 +250,33 @@ class Process:
         result: Array = _kernel(self.kind, self.sizes, distances) + self._free * trend
         return result
 
-    def _noise(self) -> Array:
+    def noise(self) -> Array:
+        """Return the variance that the scatter of readings gives each sample."""
         return _noise_variance(self.samples, self.sizes)
+
+    def shared_given(self, at: Array) -> tuple[Array, Array]:
+        """Return what the samples tell of the other amounts that they share, in their standard deviations.
+
+        First the covariance of the curve at positions with each, then that of the amounts.
+        """
+        assert self.samples.shared is not None
+        columns = self.samples.shared.columns
+        known = self._inverse @ columns
+        return -self.surprise(at)[:, None] * (self._reach(at) @ known), np.eye(
+            columns.shape[1]
+        ) - columns.T @ known
+
+    def shared_draws(self, curves: Array, random: np.random.Generator) -> Array:
+        """Return these amounts less the expected ones, for drawn curves at the positions of the samples."""
+        shared = self.samples.shared
+        assert shared is not None
+        covariance = shared.covariance() + np.diag(self.noise())
+        known = np.linalg.solve(covariance, shared.columns)
+        rest = np.eye(shared.columns.shape[1]) - shared.columns.T @ known
+        result: Array = known.T @ (self.samples.values[:, None] - curves)
+        result -= (shared.columns.T @ self._weights)[:, None]
+        result += np.linalg.cholesky(rest + 1e-12 * np.eye(len(rest))) @ random.standard_normal(result.shape)
+        return result
 
     def _free_curves(self, at: Array, count: int, random: np.random.Generator) -> Array:
         kind, sizes = self.kind, self.sizes
@@ -287,12 +325,17 @@ def with_sizes(
     """
     line, rest, found = _about_line(samples)
     typical = found if typical is None else typical
-    free = TREND * typical**2
+    free = _free(samples, typical)
     inverse: Array = np.linalg.inv(_Covariance.of(samples, kind, free).at(sizes)).astype(np.float64)
     score = _Search(_thinned(samples, rest), kind, typical).cost(sizes)
     count = len(sizes) + (kind.joint is not None) + len(kind.jumps)
     score += 0.5 * log(len(samples.positions)) * count  # Schwarz's criterion: an added part must be worth it
     return Process(kind, samples, sizes, score, line, free, inverse, inverse @ rest)
+
+
+def _free(samples: Samples, typical: float) -> float:
+    """Return the variance of offset and slope, so large that they are free."""
+    return TREND * max(typical, min(samples.open_line, MOST_OPEN * typical)) ** 2
 
 
 def _about_line(samples: Samples) -> tuple[Array, Array, float]:
@@ -484,7 +527,7 @@ class _Search:
         self._samples = samples
         self._kind = kind
         self._typical = typical
-        self._covariance = _Covariance.of(samples, kind, TREND * typical**2)
+        self._covariance = _Covariance.of(samples, kind, _free(samples, typical))
         low, high = log(typical * 1e-4), log(typical * 30)
         span, gap = samples.span, samples.gap
         self._bounds = {

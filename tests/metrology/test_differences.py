@@ -201,6 +201,17 @@ def test_what_readings_share_has_the_covariance_of_its_parts() -> None:
     ]
 
 
+def test_the_length_of_a_block_leaves_a_straight_part_open() -> None:
+    # 0.3 µm on 50 mm are 0.45 µm at each end of 150 mm, from their middle; with 0.4 µm more 0.75 (3, 4, 5).
+    positions = np.array([0.0, 50.0, 100.0, 150.0])
+    columns = np.array([[0.0, 0.0], [0.3, 0.4], [0.0, 0.0], [0.3, 0.4]])
+    setups = np.array([3, 3, 7, 7])
+    for chosen, size in ((columns[:, :1], 0.45), (columns, 0.75), (np.zeros((4, 0)), 0.0)):
+        samples = Samples(positions, positions, positions, shared=Shared(setups, 1.0, chosen))
+        assert samples.open_line == pytest.approx(size)
+    assert Samples(positions, positions, positions).open_line == 0.0
+
+
 @pytest.mark.parametrize(
     ("standard", "length_mm", "um"),
     [
