@@ -52,3 +52,5 @@ def _words(found: BuiltTable) -> "Iterator[RenderableType]":
     yield from results_lines(found.before, found.predicted, titles, left_out=found.left_out)
     if found.band is not None:
         yield from found.band.described(found.written.again.table)
+    if found.advice is not None:
+        yield found.advice.describe()

@@ -62,6 +62,8 @@ def _words(found: Judged) -> "Iterator[RenderableType]":
     yield from results_lines(*found.results, titles, left_out=found.left_out)
     if found.band is not None and found.table is not None:
         yield from found.band.described(found.table)
+    if found.advice is not None:
+        yield found.advice.describe()
     yield from found.by_others
     if found.report is not None:
         yield f"report: {found.report}"

@@ -35,6 +35,7 @@ from gateway.tabfile import LoadedTable, TabFileError, axis_of_name, dialect_nam
 if TYPE_CHECKING:
     from gateway.metrology.band import Band
     from gateway.metrology.fitting import FitEvidence
+    from gateway.metrology.next_reading import Advice
 
 OWN_OPTIONS: Final = {
     "--to-axis": "--axis",
@@ -136,15 +137,22 @@ def build(survey: Survey, out: Path, options: BuildOptions) -> "BuiltTable":
     ]
     written = replace(written, again=again)
     written.put(out, force=options.force)
-    in_force = again.table.in_units(survey.units)
+    in_force, screw = again.table.in_units(survey.units), built.screw
+    left_out = advice = None
+    if screw is not None:
+        from gateway.metrology.next_reading import advice_of
+
+        left_out = screw.left_out(in_force)
+        advice = advice_of(screw, in_force, left_out)
     return BuiltTable(
         out,
         tuple(notes),
         written,
         before=evaluate(survey),
         predicted=evaluate(predicted_residue(survey, again.table)),
-        left_out=None if built.screw is None else built.screw.left_out(again.table),
-        band=options.stated.band(built.screw, in_force, built.home, survey),
+        left_out=left_out,
+        band=options.stated.band(screw, in_force, built.home, survey),
+        advice=advice,
         survey=survey,
         evidence=built.evidence,
         lead=longest(periods),
@@ -163,6 +171,8 @@ class BuiltTable:
     left_out: LeftOut | None
     band: "Band | None"
     """The uncertainty of its corrections; None: the readings do not tell it."""
+    advice: "Advice | None"
+    """What another reading would bring; None: the readings do not tell it."""
     survey: Survey
     evidence: "FitEvidence | None"
     lead: float | None
@@ -181,6 +191,7 @@ class BuiltTable:
             "before": results_json(self.before),
             "predicted": {**results_json(self.predicted), **predicted_json(self.predicted, self.left_out)},
             "uncertainty": None if self.band is None else self.band.as_data(again.table),
+            "measure_next": None if self.advice is None else self.advice.as_data(),
             "fit": None if self.evidence is None else self.evidence.as_data(),
             "understood": understood(self.survey),
             **json_of(self.survey, self.lead),

@@ -31,6 +31,7 @@ from gateway.tabfile import LoadedTable
 
 if TYPE_CHECKING:
     from gateway.metrology.band import Band
+    from gateway.metrology.next_reading import Advice
     from gateway.metrology.screw import MeasuredScrew
 
 NO_PREDICTION: Final = "evaluate it without a table: it cannot show what another table would leave"
@@ -98,17 +99,22 @@ def judge(
     notes = (*notes, *notes_of(before, options.counts_per_unit, with_scale=has_scale, lead=period))
     if after is not None:
         notes = (*notes, *(f"after: {note}" for note in notes_of(after, with_scale=False)))
-    left_out = band = None
+    left_out = band = advice = None
     if loaded is not None:
         screw, warnings = _between(before, periods, screw)
         notes = (*notes, *warnings)
-        left_out = None if screw is None else screw.left_out(loaded.table)
         table = loaded.table.in_units(before.units)
+        if screw is not None:
+            from gateway.metrology.next_reading import advice_of
+
+            left_out = screw.left_out(table)
+            advice = advice_of(screw, table, left_out)
         band = options.stated.band(screw, table, home_of(table), before)
     last = results[1] if results[1] is not None and loaded is None else results[0]
     by_others, more = _by_others(before, last, options)
     if options.report is not None:
         uncertain = [] if band is None or loaded is None else band.described(loaded.table)
+        uncertain += [] if advice is None else [advice.describe()]
         axis_data = _axis_data(before, second, loaded, (*notes, *by_others, *uncertain))
         axis_data = replace(axis_data, left_out=left_out, band=band)
         _write_report(options.report, axis_data, force=options.force)
@@ -120,6 +126,7 @@ def judge(
         left_out=left_out,
         table=None if loaded is None else loaded.table,
         band=band,
+        advice=advice,
         by_others=by_others,
         more=more,
         lead=period,
@@ -140,6 +147,8 @@ class Judged:
     """The one whose effect is predicted."""
     band: "Band | None"
     """Its uncertainty; None: unknown, or no table."""
+    advice: "Advice | None"
+    """What another reading would bring; None: unknown, or no table."""
     by_others: tuple[str, ...]
     """Results of other standards, and whether a limit is kept."""
     more: JsonObject
@@ -163,6 +172,7 @@ class Judged:
             "after": shown,
             "is_predicted": self.is_predicted,
             "uncertainty": None if self.band is None or self.table is None else self.band.as_data(self.table),
+            "measure_next": None if self.advice is None else self.advice.as_data(),
             "notes": list(self.notes),
         }
 

@@ -11,6 +11,13 @@ from tests.support.table_commands import good, refused, run
 TARGETS = random_targets(0.0, 300.0, 11, seed=2, spread=5.0)
 
 
+ADVICE = {
+    "next": "measure next at ",
+    "every-gap": "measure in the middle of every gap: ",
+    "stop": "stop: another reading brings less than the gauge",
+}
+
+
 def written(path: Path, targets: list[float], bend_um: float, *facts: str) -> Path:
     """Write three runs of an axis that bends by so much, by an instrument that scatters by 0.5 µm."""
     random = Random(5)
@@ -28,7 +35,8 @@ def test_every_point_has_an_uncertainty_and_the_instrument_makes_it_larger(tmp_p
     readings = written(tmp_path / "r.csv", TARGETS, 20.0, "# lead: 5")
     out = tmp_path / "t.csv"
     command = ("build", readings, out, "--to", "csv", "--home", "switch-positive", "--force")
-    found = good(*command)["uncertainty"]
+    data = good(*command)
+    found = data["uncertainty"]
     assert found["missing"] == [
         "the instrument (--u-instrument)", "the temperature of the screw (--u-temperature)",
     ]  # fmt: skip
@@ -46,7 +54,12 @@ def test_every_point_has_an_uncertainty_and_the_instrument_makes_it_larger(tmp_p
     said = run(*command).stdout
     assert f"at most ±{found['largest_um']:.2f} µm ({found['largest_direction']} at" in said
     assert "not in it, because not stated: the instrument (--u-instrument) and the temperature" in said
-    told = good("evaluate", readings, "--table", out)["uncertainty"]
+    assert ADVICE[data["measure_next"]["do"]] in said
+    judged = good("evaluate", readings, "--table", out)
+    assert judged["measure_next"]["do"] == data["measure_next"]["do"]
+    assert judged["measure_next"]["at"] == data["measure_next"]["at"]
+    assert judged["measure_next"]["e_then_um"] == pytest.approx(data["measure_next"]["e_then_um"], rel=1e-4)
+    told = judged["uncertainty"]
     assert told["forward_um"] == pytest.approx(found["forward_um"], abs=1e-6)
     assert good("evaluate", readings)["uncertainty"] is None
 
@@ -103,6 +116,7 @@ def test_the_band_is_in_the_picture_and_beside_the_points_of_the_report(tmp_path
     assert "within it" in text
     assert f"<small>±\N{NO-BREAK SPACE}{found['forward_um'][3]:.2f}</small>" in text
     assert "uncertainty of a correction (k = 2, 95 %)" in text
+    assert any(f"<li>{words}" in text for words in ADVICE.values())
     picture = tmp_path / "t.svg"
     good("plot", out, picture)
     assert "uncertainty-forward" not in picture.read_text()

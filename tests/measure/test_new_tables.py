@@ -1,15 +1,20 @@
 """A table that ``measure`` writes means for its configuration what it was built as."""
 
+import json
+from html import escape
+from math import sin
 from pathlib import Path
+from random import Random
 
 import pytest
 
-from gateway.commissioning.measure.outcome import outcome_of, write_table
+from gateway.commissioning.measure.outcome import outcome_of, write_report, write_table
 from gateway.compensation.direction import Direction
 from gateway.compensation.units import Units
 from gateway.config.load import Loaded, load
 from gateway.config.tables import context_of
 from gateway.exchange.plan import AxisPlan
+from gateway.metrology.lead import periods_of
 from gateway.metrology.readings import Reading, Survey
 from gateway.tabfile import parse_table
 from tests.support.config import axis, gateway_toml, line
@@ -92,3 +97,42 @@ def test_options_with_which_it_would_be_another_table_are_said(tmp_path: Path) -
     notes = write_table(outcome, tmp_path / "new", "linuxcnc-1", axis, section, force=False)
     [note] = [note for note in notes if "change table_options" in note]
     assert "linuxcnc-0" in note
+
+
+@pytest.mark.parametrize("is_active", [False, True])
+def test_each_run_tells_how_sure_the_new_table_is_and_where_to_measure_next(
+    tmp_path: Path, is_active: bool
+) -> None:
+    """A wave of 8 µm, read twice at eleven irregular targets; with a table in use it is what is left."""
+    _, axis = configured(tmp_path, "")
+    random = Random(3)
+    targets = [0.0, 11.0, 19.0, 32.0, 40.0, 49.0, 61.0, 68.0, 81.0, 90.0, 100.0]
+    survey = Survey(
+        tuple(
+            Reading(x, way, x + 0.008 * sin(x / 12) - way.value * 0.003 + random.gauss(0, 0.0005), run)
+            for run in (1, 2, 3)
+            for way in (Direction.FORWARD, Direction.BACKWARD)
+            for x in targets
+        ),
+        Units.MM,
+        "x",
+        facts={"u_instrument": "1.5", "compensation": "active" if is_active else "off"},
+    )
+    outcome = outcome_of(survey, axis, is_active=is_active, periods=periods_of(5.0))
+    data = json.loads(json.dumps(outcome.as_data()))
+    assert data["uncertainty"]["missing"] == ["the temperature of the screw (--u-temperature)"]
+    assert len(data["uncertainty"]["forward_um"]) == len(outcome.table.positions)
+    assert 0.3 < data["uncertainty"]["largest_um"] < 8.0
+    assert data["measure_next"]["do"] in ("next", "every-gap", "stop")
+    assert 0.0 <= data["measure_next"]["at"] <= 100.0
+    # The mean of three readings of 0.5 µm: 0.29 µm, as far as so few runs tell.
+    assert data["measure_next"]["noise_um"] == pytest.approx(0.29, rel=0.4)
+    assert outcome.advice is not None
+    said = list(outcome.lines())
+    assert outcome.advice.describe() in said
+    assert any(each.startswith("uncertainty of a correction (k = 2, 95 %)") for each in said)
+    assert not any("table build" in each for each in said) or not is_active
+    write_report(outcome, tmp_path / "r.html", "x", None, force=False)
+    page = (tmp_path / "r.html").read_text()
+    assert escape(outcome.advice.describe()) in page
+    assert ("correction-uncertainty-forward" in page) is not is_active

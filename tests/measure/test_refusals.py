@@ -63,6 +63,10 @@ REFUSED = [
     ((*FEW, "--yes", "--out-format", "excel"), "--out-format excel: allowed are"),
     ((*FEW, "--yes", "--out", "gateway.toml"), "gateway.toml: a file of this name"),
     ((*FEW, "--yes", "--report", "report.pdf"), "end the name with .html, .png, .svg"),
+    (
+        (*FEW, "--yes", "--method", "block-walk", "--u-instrument", "1"),
+        "block-walk: remove the options --u-..., and give --dial-error and --block-temperature-range",
+    ),
     (FEW, "cannot ask for confirmation: stdin is not a terminal"),
     (
         ("--from", "0", "--to", "100", "--targets", "6", "--out", "x.tab", "--out-format", "centroid-3"),

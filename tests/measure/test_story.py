@@ -10,7 +10,7 @@ import pytest
 from tests.measure.site import COUNTS_PER_MM, Gauge, Machine, Typed, gateway, measuring
 
 NOISE_UM = 0.1
-BUILD = ("--from", "0", "--to", "100", "--step", "2.5", "--runs", "2")
+BUILD = ("--from", "0", "--to", "100", "--step", "2.5", "--runs", "2", "--u-instrument", "0.5")
 JUDGE = ("--from", "0", "--to", "100", "--targets", "11", "--spread", "5", "--seed", "3", "--runs", "3")
 QUICK = ("--dwell", "0", "--yes", "--json")
 
@@ -30,6 +30,7 @@ async def test_a_worn_machine_becomes_accurate_and_a_refinement_keeps_it_so(tmp_
         with Gauge(machine) as gauge:
             built = await _measured(machine, gauge, *BUILD, "--out", "x.tab")
             assert len(built.of("reading")) == gauge.asked == 41 * 2 * 2
+            assert "# u_instrument: 0.5\n" in (tmp_path / "readings0.csv").read_text()
             assert_went_through_the_cycle(machine.commanded(), [2.5 * i for i in range(41)], runs=2)
             machine.drive.ledger.writes.clear()
 

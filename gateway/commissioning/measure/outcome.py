@@ -36,6 +36,7 @@ from gateway.tabfile.conversion import reader_lines, write
 
 if TYPE_CHECKING:
     from gateway.metrology.band import Band
+    from gateway.metrology.next_reading import Advice
 
 FALLBACK_FORMATS: Final = ("csv", "centroid-3")
 SMALL: Final = {Units.MM: (1000.0, "µm"), Units.INCH: (10_000.0, "tenths (0.0001 inch)")}
@@ -67,6 +68,8 @@ class RunOutcome:
     """E that the new table will leave between the targets, predicted by leaving out; None: unknown."""
     band: "Band | None" = None
     """The uncertainty of the new table's corrections; None: unknown."""
+    advice: "Advice | None" = None
+    """What another reading would bring; None: the readings do not tell it."""
 
     def as_data(self) -> JsonObject:
         """Return the results for a program, in units of the axis."""
@@ -76,6 +79,7 @@ class RunOutcome:
             "results": results_json(self.evaluation),
             "predicted": left_out_json(self.survey.units, self.left_out),
             "uncertainty": None if self.band is None else self.band.as_data(table),
+            "measure_next": None if self.advice is None else self.advice.as_data(),
             "table": {
                 "positions": list(table.positions),
                 "forward": list(table.forward),
@@ -107,8 +111,9 @@ class RunOutcome:
         yield from self.notes
 
     def uncertain(self) -> list[str]:
-        """Return sentences about the uncertainty of the new table."""
-        return [] if self.band is None else self.band.described(self.table, is_refined=self.is_refined)
+        """Return sentences about the uncertainty of the new table, and about another reading."""
+        found = [] if self.band is None else self.band.described(self.table, is_refined=self.is_refined)
+        return found if self.advice is None else [*found, self.advice.describe()]
 
 
 def outcome_of(
@@ -155,9 +160,7 @@ def outcome_of(
             )
             done: Refined | Built = refined
             left_out = refined.left_out
-            band = None
-            if refined.added is not None:
-                band = StatedOptions().band(refined.screw, refined.added, _home(axis, survey), survey)
+            screw, judged, home = refined.screw, refined.added, _home(axis, survey)
         else:
             recipe = Recipe(
                 home=_home(axis, survey, is_over_travel=step is not None),
@@ -169,15 +172,22 @@ def outcome_of(
                 widen="give a --table-step that divides both ends",
             )
             built = done = build_from(survey, recipe, screw)
-            left_out = None if built.screw is None else built.screw.left_out(built.table)
-            band = StatedOptions().band(built.screw, built.table, built.home, survey)
+            screw, judged, home = built.screw, built.table, built.home
+            left_out = None if screw is None else screw.left_out(built.table)
+        band = advice = None
+        if screw is not None and judged is not None:
+            from gateway.metrology.next_reading import advice_of
+
+            band = StatedOptions().band(screw, judged, home, survey)
+            advice = advice_of(screw, judged, left_out)
     except (ReadingsError, TableError) as error:
         raise MeasureError(str(error)) from None
     change = None if active is None else largest_change(active, done.table, axis)
     used = active if is_active else None
     return RunOutcome(
-        survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used, left_out, band
-    )
+        survey, evaluation, done.table, is_active, change, (*done.notes, *notes), used, left_out, band,
+        advice,
+    )  # fmt: skip
 
 
 def largest_change(old: CorrectionTable, new: CorrectionTable, axis: AxisPlan) -> ChangeFromActive:
@@ -383,12 +393,15 @@ def survey_before(path: Path, axis: AxisPlan) -> Survey:
 
 def _report_notes(outcome: RunOutcome) -> tuple[str, ...]:
     """Return the notes of the report; a refined table has no figures in it."""
-    if not outcome.is_refined:
+    if not outcome.is_refined or outcome.left_out is None:
         return (*outcome.notes, *outcome.uncertain())
-    if outcome.left_out is None:
-        return outcome.notes
     left = left_out_text(small_unit(outcome.survey.units), outcome.left_out)
-    return (*outcome.notes, f"the next table, made from these readings, will leave between its points {left}")
+    advice = [] if outcome.advice is None else [outcome.advice.describe()]
+    return (
+        *outcome.notes,
+        *advice,
+        f"the next table, made from these readings, will leave between its points {left}",
+    )
 
 
 def write_report(outcome: RunOutcome, path: Path, axis: str, before: Survey | None, *, force: bool) -> None:
