@@ -15,7 +15,7 @@ Needs numpy; its users import it locally.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Final
 
@@ -39,7 +39,7 @@ COVERAGE: Final = 0.95
 """Share of the truths within ``K`` standard uncertainties, of a normal distribution (GUM, 6.3.3)."""
 PLACES: Final = 400
 """Positions between the points of the table."""
-MOST_POINTS: Final = 1000
+MOST_POINTS: Final = 500
 """Of a table with more points the positions between represent them."""
 SLOPE_PLACES: Final = 100
 """Positions that show the straight part of a curve."""
@@ -147,22 +147,21 @@ def band_of(
 ) -> Band | None:
     """Return the uncertainty of a table for the screw that readings show; None: nothing is known about it.
 
-    ``home`` is where the correction is 0 by definition; without it the corrections count from the zero of
-    the instrument, those of differences from the first position. ``missing`` is what nobody stated.
+    ``home`` is where the correction is 0 by definition; beyond the targets the nearest one stands for it.
+    Without it the corrections count from the zero of the instrument, those of differences from the first
+    position. ``missing`` is what nobody stated.
     """
-    left_out = LeftOut(None, 0.0, None, screw.unseen, screw.unsettled)
+    if screw.unsettled:
+        return None
     here = table.in_units(screw.units)
     low, high = screw.means.targets[0], screw.means.targets[-1]
     reach = here.max_correction()
     points = [x for x in here.positions if low - reach <= x <= high + reach]
     between = np.linspace(low, high, PLACES).tolist()
     at = np.array(sorted({*between, *(points if len(points) <= MOST_POINTS else ())}))
-    if screw.unsettled or not reach < high - low:
-        return None
-    found = uncertainty(screw, here, at, home)
-    zero = home.position if home is not None else min(max(0.0, low), high)
-    if home is None and screw.concealed is not None:
-        zero = low
+    zero = 0.0 if screw.concealed is None else low
+    zero = min(max(zero if home is None else home.position, low), high)
+    found = uncertainty(screw, here, at, None if home is None else replace(home, position=zero))
     grown = sum((part / K) ** 2 for _, part in growing_parts(stated, high - low))
     share = np.abs(at - zero) / (high - low)
     same = (RANGE * stated.environment / K) ** 2
@@ -175,7 +174,7 @@ def band_of(
         values.get(Direction.FORWARD),
         values.get(Direction.BACKWARD),
         tuple(missing),
-        left_out.unknown,
+        LeftOut(None, 0.0, None, screw.unseen).unknown,
     )
 
 

@@ -202,7 +202,7 @@ class Process:
         sizes, signed = self.sizes, one[:, None] - other[None, :]
         found: Array = _kernel(self.kind, sizes, _Distances.of(self.kind, signed))
         found += self._free * _trend(self.samples, self.kind, one) @ _trend(self.samples, self.kind, other).T
-        found -= self._reach(one) @ self._inverse @ self._reach(other).T
+        found -= self._reach(one) @ (self._inverse @ self._reach(other).T)
         if self.kind.has_short:
             found += np.exp(2 * sizes[_SHORT]) * _short_kernel(signed / self.samples.gap)
         return self.surprise(one)[:, None] * found * self.surprise(other)

@@ -111,6 +111,11 @@ def test_corrections_that_count_from_home_are_certain_there_and_less_so_with_the
     assert found.at(400.0, DOWN) is None
 
 
+def test_where_home_was_not_measured_the_nearest_target_stands_for_it() -> None:
+    beyond = band(screw(line()), ON_THE_LINE, HomeReference(-30.0, UP), instrument=0.003)
+    assert beyond.forward == band(screw(line()), ON_THE_LINE, HOME, instrument=0.003).forward
+
+
 def test_lost_motion_adds_its_own_uncertainty_on_the_other_branch() -> None:
     # From home forward, the middle m and the half reversal h count as m(x) ± h(x) - m(0) - h(0). Backward at
     # home that is -2 h(0), with the variance 4 σ² 0.6; forward at home nothing is left.
