@@ -153,7 +153,6 @@ def _axis_plan(name: str, axis: AxisSection, table: AxisTable | None, drive: Nam
         writes_with=registers.write,
         deadline_ms=axis.deadline_ms or 0.0,
         late=axis.late or default_late(axis.setpoints),
-        next_target=registers.next_target,
         done_is_in_position=registers.done_means is DoneMeans.IN_POSITION,
         bits={bit_name: bit.field() for bit_name, bit in registers.bits.named()},
         added_frames=axis.added_frames is AddedFrames.AUTO,

@@ -332,7 +332,7 @@ class RegisterMap(StrictModel):
             )
         ),
     )
-    next_target: ByName[NextTarget] = Field(
+    next_target: Planned[ByName[NextTarget]] = Field(
         default=NextTarget.AT_ONCE,
         description="what a target does that comes while the axis moves: at-once, queued or unknown",
         json_schema_extra=documented(
