@@ -18,6 +18,7 @@ A twentieth of what is drawn at random (``repeated``). In ``make soak``
 
 What takes minutes, and is the same each time (``IS_FULL``). In place of what ``make soak`` does
 
+- ``metrology/test_band.py``: half of the kinds of screw by one method, in place of all by three;
 - ``metrology/test_differences.py``: a block is walked along 2 screws, in place of 102;
 - ``metrology/test_what_lies_between.py``: each kind of screw is measured twice, in place of four times;
 - ``processes/test_streaming_through_saves.py``: each table is saved 10 times, in place of 50;

@@ -38,7 +38,7 @@ from gateway.tabfile.checks import (
     unused_options,
 )
 from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, SourceRow
-from gateway.tabfile.errors import FileProblem, TabFileError
+from gateway.tabfile.errors import ContextError, FileProblem, TabFileError
 from gateway.tabfile.names import axis_of_comment
 from gateway.tabfile.options import FileContext
 from gateway.tabfile.text import SourceLine, SourceText, shown, to_decimal, to_integer, with_point
@@ -122,12 +122,11 @@ def read(source: SourceText, context: FileContext) -> Decoded:
     )
     check_home(source, rows, context)
     unused = ("file_counts_per_unit",) if header.counts == 1 else ()
-    stated = None if header.counts == 1 else header.counts / (header.intervals * header.step)
     rule = "value = target - measured, added unchanged; {} list (towards {} positions)"
     return Decoded(
         rows,
         header.units,
-        replace(context, file_counts_per_unit=context.file_counts_per_unit or stated),
+        _with_counts(context, header),
         _VALUE_UNITS[header.units],
         rule.format("first", "greater"),
         rule.format("second", "smaller"),
@@ -207,6 +206,16 @@ def _value_problems(source: SourceText, line: int, text: str) -> Iterable[FilePr
         yield source.problem(shown(text), with_point(text), line=line)
     elif abs(value) > MAX_VALUE:
         yield source.problem(f"value {text}", f"{-MAX_VALUE} to {MAX_VALUE}", line=line)
+
+
+def _with_counts(context: FileContext, header: _Header) -> FileContext:
+    """Return the context with the encoder counts of the header, so that a table written again keeps them."""
+    if context.file_counts_per_unit or header.counts == 1:
+        return context
+    try:
+        return replace(context, file_counts_per_unit=header.counts / (header.intervals * header.step))
+    except ContextError:  # no possible number, and nothing in the table depends on it
+        return context
 
 
 def _check_counts(source: SourceText, size: int, total: int, comments: Iterable[tuple[int, int]]) -> None:

@@ -125,7 +125,10 @@ def check_folder(folder: Path) -> None:
         if any(folder.iterdir()):
             raise EvidenceError(f"{folder}: the folder is not empty; name a new one, or empty it")
     except FileNotFoundError:
-        if not folder.absolute().parent.is_dir():
+        has_parent = True  # else what is written says why it cannot be
+        with contextlib.suppress(PermissionError):
+            has_parent = folder.absolute().parent.is_dir()
+        if not has_parent:
             raise EvidenceError(f"{folder}: make the folder {folder.parent} first: there is none") from None
     except NotADirectoryError:
         raise EvidenceError(f"{folder}: this is no folder; name a new one") from None
