@@ -320,7 +320,7 @@ class Scheduler:
     def _undoes(self, transaction: Transaction, stop: Transaction, axes: Sequence[Axis]) -> bool:
         """Whether an older request would undo a stop. The release of a jog of another axis still goes out."""
         if transaction.is_stop or transaction.port is None or transaction.unit_id == BROADCAST_UNIT_ID:
-            return False  # nobody would learn that a broadcast was withdrawn
+            return False  # a broadcast has no reply: its controller would not learn that it was withdrawn
         if not rewrites(self._units, transaction, self._units.frames_of(stop)):
             return False
         writer = transaction.port.writer
