@@ -12,6 +12,7 @@ from gateway.catalogue.alarms import ALARMS
 from gateway.catalogue.entry import NOTHING_TO_DO, EventEntry, ExceptionEntry, RefusalEntry
 from gateway.catalogue.events import EVENTS
 from gateway.catalogue.exceptions import EXCEPTIONS, TITLES, code_in
+from gateway.catalogue.on_page import ON_PAGE
 from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.remarks import REMARKS
 from gateway.catalogue.starts import STARTS
@@ -21,6 +22,10 @@ from gateway.status.model import COUNTERS
 
 FEWEST_LETTERS: Final = 8
 """Minimum length of a part of a sentence; a shorter one would occur in many."""
+FEWEST_OF_TITLE: Final = 4
+"""Minimum length of a part of a title."""
+MOST_TITLES: Final = 5
+"""So many titles are proposed."""
 OF_METRIC: Final[Mapping[str, str]] = {
     "controller_frames": "whole",
     "controller_damaged_frames": "damaged",
@@ -31,8 +36,6 @@ OF_METRIC: Final[Mapping[str, str]] = {
     **{f"line_{name}": name for name in LINE_COUNTERS},
 }
 """The key of a counter by its name in the metrics, without ``pitch_gateway_`` and ``_total``."""
-ON_PAGE: Final[Mapping[str, str]] = {"exchanges/s": "exchanges", "over": "budget_overruns"}
-"""Counters for which the page has another text than their words or key: the key, by that text."""
 
 
 class Explanation(Struct, frozen=True):
@@ -53,26 +56,63 @@ class Explanation(Struct, frozen=True):
 
 
 def look_up(asked: str) -> list[Explanation]:
-    """Return all entries with this name; an exception by its code, a sentence by its beginning.
+    """Return all entries with this name or title on the page; an exception by its code, a sentence whole.
 
     Behind them are the troubles that they refer to.
 
     >>> [(found.kind, found.severity) for found in look_up("table-rejected")]
     [('event', 'error'), ('trouble', 'error')]
+    >>> [(found.kind, found.name) for found in look_up("No controller")]
+    [('trouble', 'controller-port-closed'), ('trouble', 'controller-absent')]
     >>> {found.name for found in look_up("0x0B")}
     {'exception 0x0B'}
     >>> look_up("nothing of that kind")
     []
     """
     text = asked.strip()
-    found = [entry for entry in _named() if entry.name.lower() == text.lower()]
+    wanted = _names_of(text)
+    found = [entry for entry in _named() if entry.name.lower() in wanted]
     if (name := counter(text)) is not None:
         found.append(_counter(name))
     if (code := code_in(text)) is not None:
         found += [_exception(entry) for entry in EXCEPTIONS if entry.code == code]
         found += [_refusal(entry) for entry in REFUSALS if entry.code == code]
-    found = found or [entry for entry in _sentences() if _fits(text, entry.name)]
+    found = found or [entry for entry in _sentences() if _is_in(entry.name, text)]
     return found + [trouble for trouble in _referred(found) if trouble not in found]
+
+
+def look_up_part(asked: str) -> list[Explanation]:
+    """Return the entries whose sentence has this part, or else those of the only title that has it.
+
+    >>> [found.kind for found in look_up_part("beam")], look_up_part("silent")
+    (['event', 'trouble'], [])
+    """
+    text = asked.strip().lower()
+    if len(text) >= FEWEST_LETTERS and (
+        found := [each for each in _sentences() if text in each.name.lower()]
+    ):
+        return found
+    titles = _titles_with(text)
+    return look_up(titles[0]) if len(titles) == 1 else []
+
+
+def _names_of(text: str) -> set[str]:
+    """Return the names that a text may mean: its own, and those of the entries with this title."""
+    title = text.lower()
+    names = {
+        title,
+        title.replace(" ", "-"),
+        *(each.kind for each in ALARMS.values() if each.title.lower() == title),
+    }
+    return names | {ON_PAGE[title]} if title in ON_PAGE else names
+
+
+def _titles_with(part: str) -> list[str]:
+    """Return the titles on the page that have a part, each once; none for a part that is too short."""
+    titles = (*ON_PAGE, *(each.title.lower() for each in ALARMS.values()))
+    names_in_words = (entry.name.lower().replace("-", " ") for entry in _named())
+    found = [each for each in dict.fromkeys((*titles, *names_in_words)) if part in each]
+    return found if len(part) >= FEWEST_OF_TITLE else []
 
 
 def _referred(entries: list[Explanation]) -> list[Explanation]:
@@ -102,8 +142,9 @@ def names() -> list[str]:
 
 
 def near(asked: str) -> list[str]:
-    """Return the likely intended words, the nearest first."""
-    return get_close_matches(asked.strip().lower(), names(), n=3, cutoff=0.6)
+    """Return the likely intended words: names, the nearest first, then titles of which the text is a part."""
+    text = asked.strip().lower()
+    return [*get_close_matches(text, names(), n=3, cutoff=0.6), *_titles_with(text)[:MOST_TITLES]]
 
 
 def everything() -> dict[str, list[Explanation]]:
@@ -198,9 +239,6 @@ def _with_page(text: str) -> str:
     return re.sub(r"(\]\(([a-z-]+\.md)#[^)]+\))", r"\1 in docs/\2", text)
 
 
-def _fits(text: str, says: str) -> bool:
-    """Whether a sentence contains the text of an entry, or a part of it is a part of that text."""
-    parts: Mapping[str, str] = {part: re.escape(part) for part in says.split("…")}
-    if re.search(".+".join(parts.values()), text):
-        return True
-    return len(text) >= FEWEST_LETTERS and text.lower() in says.lower()
+def _is_in(says: str, text: str) -> bool:
+    """Whether a text contains the sentence of an entry."""
+    return re.search(".+".join(map(re.escape, says.split("…"))), text) is not None

@@ -21,6 +21,24 @@ def _complete(incomplete: str) -> list[str]:
     return [name for name in (*names(), *all_keys()) if name.startswith(incomplete)]
 
 
+def _of_other_languages(asked: str) -> "list[Explanation]":
+    """Return the entries whose text on the page is this one in another language than English."""
+    import json
+    from pathlib import Path
+
+    from gateway.catalogue.lookup import look_up
+    from gateway.supervisor import page
+
+    text = asked.strip().lower()
+    found: list[Explanation] = []
+    for name in page.FILES:
+        if name.endswith(".json"):
+            texts: Mapping[str, str] = json.loads((Path(page.__file__).parent / name).read_text("utf-8"))
+            same = (english for english, other in texts.items() if other.lower() == text)
+            found += [each for english in same for each in look_up(english)]
+    return list(dict.fromkeys(found))
+
+
 def _keys(asked: str) -> "list[Explanation]":
     """Return the keys of the configuration with this name."""
     from gateway.catalogue.lookup import Explanation, plain
@@ -79,7 +97,8 @@ def explain(
         typer.Argument(
             metavar="NAME",
             help=(
-                "Event, state, counter, exception, remark, log message, or key; none: list all but the keys."
+                "Event, title on the page, state, counter, exception, remark, log message, or key; "
+                "none: list all but the keys."
             ),
             show_default=False,
             autocompletion=_complete,
@@ -90,11 +109,11 @@ def explain(
 ) -> None:
     """Explain an event, an error, a state or a counter: meaning, usual cause, remedy.
 
-    It knows the events of log, MQTT and page; the states of an axis; the counters of status, page and
-    metrics; Modbus exceptions of drives and of the gateway, in any notation (0x0B, 0Bh, 11, "83 0B",
-    ILLEGAL_DATA_ADDRESS) or by their log message; reasons why a relay does not start; remarks about tables
-    (L8, R2); and the keys of the configuration. docs/messages.md, docs/tab-format.md and
-    docs/configuration.md have the same texts.
+    It knows the events of log, MQTT and page; the titles of the page ("Table refused"), in each of its
+    languages; the states of an axis; the counters of status, page and metrics; Modbus exceptions of drives
+    and of the gateway, in any notation (0x0B, 0Bh, 11, "83 0B", ILLEGAL_DATA_ADDRESS) or by their log
+    message; reasons why a relay does not start; remarks about tables (L8, R2); and the keys of the
+    configuration. docs/messages.md, docs/tab-format.md and docs/configuration.md have the same texts.
 
     If a remedy names a key, change it in the configuration, then run `pitch-gateway reload CONFIG`. It
     applies the change, or says that the gateway needs a restart.
@@ -103,6 +122,8 @@ def explain(
 
     Examples:
         pitch-gateway explain drive-silent
+
+        pitch-gateway explain "Table refused"
 
         pitch-gateway explain 0x04
 
@@ -116,15 +137,15 @@ def explain(
 
         pitch-gateway explain --json | jq '.event[].name'
     """
-    from gateway.catalogue.lookup import everything, look_up, near
+    from gateway.catalogue.lookup import everything, look_up, look_up_part, near
 
     form = Format.INDENTED if as_json else Format.TEXT
     if name is None:
         show(_Everything(everything()), form)
         return
-    found = look_up(name) or _keys(name)
+    found = [*look_up(name), *_keys(name)] or look_up_part(name) or _of_other_languages(name)
     if not found:
-        meant = ", ".join(near(name))
+        meant = ", ".join(f'"{each}"' if " " in each else each for each in near(name))
         hint = f"did you mean {meant}?" if meant else "list all names with: pitch-gateway explain"
         typer.echo(f'"{name}" is unknown; {hint}', err=True)
         raise typer.Exit(1)

@@ -2,17 +2,20 @@
 
 import json
 import re
+from collections.abc import Iterator
 
 import pytest
 from typer.testing import CliRunner, Result
 
+from gateway.catalogue.alarms import ALARMS
+from gateway.catalogue.entry import AlarmEntry
 from gateway.catalogue.events import EVENTS
 from gateway.catalogue.lookup import counter, look_up
 from gateway.catalogue.refusals import REFUSALS
 from gateway.catalogue.starts import STARTS
 from gateway.cli.app import app
 from gateway.cli.explain import _complete
-from gateway.supervisor.verdict import Health
+from gateway.supervisor.verdict import AWAITED, Health
 from tests.supervisor.http.exposition import families
 from tests.supervisor.http.http_bench import SICK, model, snapshot
 from tests.supervisor.page.stage import FOLDER
@@ -93,6 +96,49 @@ def test_every_counter_that_the_page_shows_is_known() -> None:
 @pytest.mark.parametrize("name", metric_counters())
 def test_every_counter_of_the_metrics_is_known(name: str) -> None:
     assert any(found.kind == "counter" for found in look_up(f"pitch_gateway_{name}_total")), name
+
+
+def words_of_the_page() -> Iterator[tuple[str, str]]:
+    """Yield the names in words.js, each with its English text."""
+    text = (FOLDER / "words.js").read_text()
+    for block in ("COMPENSATION", "VERDICT", "TABLE", "DIRECTION", "OTHER_AXES", "EVENTS"):
+        found = re.search(rf"const {block} = \{{(.*?)\n\}};", text, re.DOTALL)
+        assert found is not None, block
+        yield from re.findall(r'^  "?([\w-]+)"?: (?:\{ words: )?t\("([^"]+)"\)', found[1], re.MULTILINE)
+
+
+def test_what_the_page_calls_an_event_or_a_state_is_known() -> None:
+    words = list(words_of_the_page())
+    assert len(words) > 70
+    unknown = [(name, text) for name, text in words if name not in {each.name for each in look_up(text)}]
+    assert unknown == []
+
+
+@pytest.mark.parametrize(
+    "alarm", [alarm for alarm in ALARMS.values() if alarm.title], ids=lambda each: each.kind
+)
+def test_the_title_of_an_alarm_is_known(alarm: AlarmEntry) -> None:
+    for asked in (alarm.title, alarm.title.upper()):
+        assert ("trouble", alarm.kind) in [(each.kind, each.name) for each in look_up(asked)], asked
+    assert any(each.name == "waiting" for each in look_up(AWAITED))
+
+
+def test_a_title_is_known_in_german() -> None:
+    result = explain("Leitung unterbrochen")
+    assert (result.exit_code, result.stdout.count("line-down (")) == (0, 2)
+    assert explain("Tabelle abgelehnt").stdout.count("table-rejected (") == 2
+
+
+def test_a_part_of_a_title_is_enough_where_no_other_has_it() -> None:
+    assert "group-skewed (trouble, error)" in explain("Beam").stdout
+    result = explain("silent")
+    assert (result.exit_code, result.stdout) == (1, "")
+    assert '"drive silent", "controller silent"' in result.stderr
+
+
+@pytest.mark.parametrize("key", ["deadline_ms", "function", "relative", "line", "late"])
+def test_a_key_is_told_also_where_something_else_has_its_name(key: str) -> None:
+    assert any(found["kind"] == "key" for found in json.loads(explain(key, "--json").stdout))
 
 
 def test_a_sentence_of_the_log_is_found() -> None:
