@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from rich.console import Console, RenderableType
 
     from gateway.status.model import Model
+    from gateway.supervisor.model import Limits
 
 EVERY_S: Final = 0.5
 CTRL_C_ENDS: Final = "Ctrl-C ends this view; the gateway goes on"
@@ -52,7 +53,20 @@ def read_status(config: Path, state: Path) -> "Model":
         snapshot_age_s=0.0,
         tables={},
         supervisor=None if whole is None else whole.supervisor,
+        silent_after_s=_silent_after_s(config),
     )
+
+
+def _silent_after_s(config: Path) -> "Limits":
+    """Return what the file says of it, in spite of other problems in it: the relay does not know it."""
+    from gateway.config.findings import Findings, read_document
+    from gateway.config.problems import ConfigErrors
+    from gateway.config.sections import read_sections
+
+    try:
+        return read_sections(Findings(read_document(config))).silent_after_s
+    except ConfigErrors:
+        return {}
 
 
 def looks(config: Path, state: Path) -> Iterator["Model | str"]:

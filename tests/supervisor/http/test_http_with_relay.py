@@ -193,6 +193,21 @@ def test_the_status_comes_from_the_relay_where_the_supervisor_is_hung(site: Site
         relay.end()
 
 
+def test_without_a_supervisor_the_silence_of_a_controller_is_judged_as_the_file_says(site: Site) -> None:
+    key = "[[line.xyz.controllers]]\n"
+    text = site.config.read_text()
+    assert text.count(key) == 1
+    site.config.write_text(text.replace(key, f"{key}silent_after_s = 0.001\n"))
+    assert typed("check", "--compile", str(site.config)).returncode == 0
+    with running("relay", str(site.config)) as relay:
+        relay.until("line-up")
+        found = json.loads(typed("status", str(site.config), "--json").stdout)
+        controller = found["lines"]["xyz"]["controllers"][0]
+        assert controller["silent_after_s"] == 0.001
+        assert {each["kind"] for each in found["troubles"]} == {"supervisor-down", "controller-absent"}
+        relay.end()
+
+
 async def test_watching_over_a_pipe_is_a_line_for_each_change(site: Site) -> None:
     async with gateway(site) as served:
         command = [*COMMAND, "status", str(site.config), "--watch", "--json"]
