@@ -151,7 +151,7 @@ def check_range(
         raise source.error(
             f"a table from {first:g} to {last:g} {reading.units.value}, beyond {limits} by "
             f"{excess / (high - low):.0%}",
-            f"at most {MAX_EXCESS:.0%} beyond the travel; {remedy}",
+            f"at most {MAX_EXCESS:.0%} beyond the travel; {remedy} or units",
         )
 
 

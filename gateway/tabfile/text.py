@@ -178,13 +178,13 @@ def with_point(text: str, allowed: str = DECIMAL_ALLOWED) -> str:
     """Return what is allowed in place of ``text``; for a number with a comma, add its correct form.
 
     >>> with_point("150,0", "a distance above 0")
-    'a distance above 0, with a decimal point: 150.0'
+    'a distance above 0: write 150.0'
     >>> with_point("x", "a distance above 0")
     'a distance above 0'
     """
     pointed = text.replace(",", ".")
     is_comma = text.count(",") == 1 and to_decimal(pointed) is not None
-    return f"{allowed}, with a decimal point: {pointed}" if is_comma else allowed
+    return f"{allowed}: write {pointed}" if is_comma else allowed
 
 
 def to_decimal(text: str) -> float | None:

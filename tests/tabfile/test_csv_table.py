@@ -178,6 +178,8 @@ def test_told_facts_that_contradict_the_file_are_refused() -> None:
     assert "outside travel" in str(refused(SMALL, travel=(-40.0, 0.0), units=Units.MM))
     error = refused(SMALL, travel=(1000.0, 2000.0), units=Units.MM)
     assert error.allowed == "a table of this axis; the right travel"
+    error = refused(SMALL, travel=(0.0, 1.0), units=Units.MM)
+    assert error.allowed == "at most 20% beyond the travel; the right travel or units"
     assert "but file_units = inch" in str(refused(SMALL, file_units=Units.INCH))
     assert "axis in degree" in str(refused(SMALL, units=Units.DEGREE))
 
