@@ -123,6 +123,8 @@ def _syntax_error(path: Path, text: str, error: ValueError) -> ConfigErrors:
         twice, first, second = duplicate
         what = f"{what}: {key_text(twice)} is given on line {first} and again on line {second}"
         remedy = "give every key and every table once"
+    if path.suffix.lower() != ".toml":
+        remedy = f"give the path of a configuration file; or, if this is one: {remedy}"
     return _refuse(
         path,
         f"not TOML: {what}",

@@ -6,7 +6,7 @@ from typing import Annotated, Final
 
 from pydantic import BeforeValidator, Field
 
-from gateway.config.values import FileName
+from gateway.config.values import FileName, read_host
 from gateway.drives.strict import ByName, Secret, StrictModel, documented
 
 LONGEST_TOPIC: Final = 200
@@ -71,8 +71,10 @@ class TlsSection(StrictModel):
 class MqttSection(StrictModel):
     """The broker for the status."""
 
-    host: Annotated[str, Field(min_length=1, pattern=r"^[^\x00\s]*$")] = Field(
-        default="127.0.0.1", description="the broker"
+    host: Annotated[str, BeforeValidator(read_host)] = Field(
+        default="127.0.0.1",
+        description="the broker, without its port",
+        json_schema_extra=documented(text="name or address of the broker, without its `port`", kind="text"),
     )
     port: Annotated[int, Field(ge=1, le=65535)] = Field(
         default=1883,

@@ -36,6 +36,7 @@ _HOST_NAME: Final = re.compile(
     r"[A-Za-z0-9_]([A-Za-z0-9_-]*[A-Za-z0-9])?(\.[A-Za-z0-9_]([A-Za-z0-9_-]*[A-Za-z0-9])?)*"
 )
 _ADDRESS: Final = re.compile(r"(?:\[(?P<v6>[^\[\]]*)\]|(?P<host>[^:\[\]]*)):(?P<port>[0-9]{1,5})")
+HOST_RULE: Final = 'allowed: a name or an address alone, as in "broker.lan", "192.168.0.7" or "::1"'
 ADDRESS_RULE: Final = 'allowed: "HOST:PORT", as in "127.0.0.1:502", "cnc.local:502" or "[::1]:502"'
 
 
@@ -96,6 +97,23 @@ def parse_address(raw: object) -> tuple[str, int]:
     if host.replace(".", "").isdigit():
         _check_ip_v4(host)
     return host, port
+
+
+def read_host(raw: object) -> str:
+    """Read a name or an address without a port; an IPv6 address has no brackets.
+
+    Raises:
+        ValueError: anything else.
+
+    >>> read_host("broker.lan"), read_host("::1")
+    ('broker.lan', '::1')
+    """
+    if isinstance(raw, str) and _HOST_NAME.fullmatch(raw) and len(raw) <= 253:
+        return raw
+    try:
+        return str(IPv6Address(raw if isinstance(raw, str) else ""))
+    except ValueError:
+        raise ValueError(HOST_RULE) from None
 
 
 def _ip_v6(text: str) -> str:

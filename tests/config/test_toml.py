@@ -101,6 +101,11 @@ def test_a_text_that_ends_too_early_is_named_with_its_last_line(tmp_path: Path) 
     assert problem_of(tmp_path / "gateway.toml", b'[gateway]\nname = """\nabc').line == 3
 
 
+def test_a_table_in_place_of_a_configuration_is_told_that_first(tmp_path: Path) -> None:
+    problem = problem_of(tmp_path / "cnc10x.tab", b"CNC10 TAB FILE VERSION 3\nAXIS X\n")
+    assert problem.remedy.startswith("give the path of a configuration file; or, if this is one: write =")
+
+
 def test_what_is_not_utf8_is_named_with_its_line(tmp_path: Path) -> None:
     problem = problem_of(tmp_path / "gateway.toml", b'[gateway]\nname = "M\xfcller"\n')
     assert (problem.line, problem.found) == (2, "byte 0xfc is not UTF-8")
