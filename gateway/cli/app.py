@@ -68,7 +68,7 @@ def _load(name: str) -> Any:
     module = import_module(f"gateway.cli.{name}")
     one = typer.Typer(rich_markup_mode="rich")
     if hasattr(module, "app"):
-        one.add_typer(module.app, name=name)
+        one.add_typer(module.app, name=name, cls=_Subcommands)
     else:
         one.command(name)(getattr(module, name))
     command = get_group(one).commands[name]
@@ -109,6 +109,17 @@ class _Group(TyperGroup):
     def __init__(self, **settings: Any) -> None:
         super().__init__(**settings)
         self.commands = _Loaded()
+
+
+class _Subcommands(TyperGroup):
+    """The commands of a command."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Return the command that is meant; an unknown one fails with the names of all."""
+        is_known = args[0].startswith("-") or self.get_command(ctx, args[0]) is not None
+        if not is_known and not ctx.resilient_parsing:
+            ctx.fail(f"No such command {args[0]!r}. Its commands: {', '.join(self.list_commands(ctx))}.")
+        return super().resolve_command(ctx, args)
 
 
 app = typer.Typer(

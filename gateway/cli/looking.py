@@ -84,8 +84,8 @@ def looks(config: Path, state: Path) -> Iterator["Model | str"]:
             yield str(error)
 
 
-def words_of(status: "Model | str") -> "Iterator[RenderableType]":
-    """Yield a status for a person."""
+def words_of(config: Path, status: "Model | str") -> "Iterator[RenderableType]":
+    """Yield a status for a person; commands in it name this configuration."""
     from rich.text import Text
 
     from gateway.cli.status_output import status_parts
@@ -93,34 +93,34 @@ def words_of(status: "Model | str") -> "Iterator[RenderableType]":
     if isinstance(status, str):
         yield Text(status, "red")
     else:
-        yield from status_parts(status)
+        yield from status_parts(status, config)
 
 
-def watch(seen: Iterator["Model | str"], *, as_json: bool) -> None:
+def watch(config: Path, seen: Iterator["Model | str"], *, as_json: bool) -> None:
     """Show each status until Ctrl-C: on a terminal in place, else one after the other at each change."""
     from rich.console import Console
 
     console = Console(highlight=False, soft_wrap=False)
     try:
         if console.is_terminal and not as_json:
-            _watch_in_place(console, seen)
+            _watch_in_place(config, console, seen)
         else:
-            _watch_line_by_line(seen, as_json=as_json)
+            _watch_line_by_line(config, seen, as_json=as_json)
     except KeyboardInterrupt:
         return
 
 
-def _watch_in_place(console: "Console", seen: Iterator["Model | str"]) -> None:
+def _watch_in_place(config: Path, console: "Console", seen: Iterator["Model | str"]) -> None:
     from rich.console import Group
     from rich.live import Live
     from rich.text import Text
 
     with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
         for status in seen:
-            live.update(Group(*words_of(status), "", Text(CTRL_C_ENDS, "dim")), refresh=True)
+            live.update(Group(*words_of(config, status), "", Text(CTRL_C_ENDS, "dim")), refresh=True)
 
 
-def _watch_line_by_line(seen: Iterator["Model | str"], *, as_json: bool) -> None:
+def _watch_line_by_line(config: Path, seen: Iterator["Model | str"], *, as_json: bool) -> None:
     before: object = None
     for status in seen:
         now = status if isinstance(status, str) else _lasting(status)
@@ -131,7 +131,7 @@ def _watch_line_by_line(seen: Iterator["Model | str"], *, as_json: bool) -> None
             line = {"problem": status} if isinstance(status, str) else status.as_data()
             print_json(line, Format.LINE)
         else:
-            print_words((f"-- {time.strftime('%H:%M:%S')}", *words_of(status), ""))
+            print_words((f"-- {time.strftime('%H:%M:%S')}", *words_of(config, status), ""))
 
 
 def _lasting(status: "Model") -> "Model":

@@ -79,7 +79,7 @@ def signtest(
         try:
             if sys.stdin.isatty():
                 _ask_for_a_move(config, plan)
-            at, forward_reading, backward_reading = _asked_for(plan)
+            at, forward_reading, backward_reading = _asked_for(config, plan)
         except typer.Abort:
             if sys.stdin.isatty():
                 raise
@@ -143,15 +143,16 @@ def _ask_for_a_move(config: Path, plan: "AxisPlan") -> None:
     )
 
 
-def _asked_for(plan: "AxisPlan") -> tuple[float, float, float]:
+def _asked_for(config: Path, plan: "AxisPlan") -> tuple[float, float, float]:
     """Ask for the readings on the terminal; return position, forward and backward reading."""
     from gateway.commissioning.sign_test import approach_of, best_position
 
     units, best, approach = plan.settings.units.value, best_position(plan), approach_of(plan)
     typer.echo(
-        f"Axis {plan.name}: switch its compensation off (pitch-gateway disable), home it, and set the "
-        f"instrument to 0 at the zero of the table.\nThe best position for this test is {best:.6g} "
-        f"{units}. Go to {best - approach:.6g}, then up to {best:.6g}, and read. Go to "
+        f"Axis {plan.name}: switch its compensation off (pitch-gateway disable {config} {plan.name}), "
+        "home it, and set the instrument to 0 at the zero of the table.\n"
+        f"The best position for this test is {best:.6g} {units}. Go to {best - approach:.6g}, then up "
+        f"to {best:.6g}, and read. Go to "
         f"{best + approach:.6g}, then down to {best:.6g}, and read again.",
         err=True,
     )

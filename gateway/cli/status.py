@@ -95,13 +95,13 @@ def _show_one(config: Path, *, watch: bool, as_json: bool) -> None:
     state = state_folder_or_exit(config)
     try:
         if watch:
-            looking.watch(looking.looks(config, state), as_json=as_json)
+            looking.watch(config, looking.looks(config, state), as_json=as_json)
             return
         seen = looking.read_status(config, state)
     except NoRelayError as error:
         typer.echo(f"{config}: {error}", err=True)
         raise typer.Exit(1) from None
-    show(seen, Format.INDENTED if as_json else Format.TEXT, looking.words_of(seen))
+    show(seen, Format.INDENTED if as_json else Format.TEXT, looking.words_of(config, seen))
     if seen.gateway.relay != "up":
         raise typer.Exit(1)
 

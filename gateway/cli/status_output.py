@@ -1,7 +1,9 @@
 """Terminal output of ``pitch-gateway status``: the contents of the status model, and nothing else."""
 
+import shlex
 from collections.abc import Iterator, Mapping
 from datetime import datetime
+from pathlib import Path
 from typing import Final
 
 from msgspec import UNSET
@@ -42,12 +44,15 @@ COLOURS: Final = {
 """Of the states of lines, controllers and axes; others have no colour."""
 
 
-def status_parts(status: Model) -> Iterator[RenderableType]:
-    """Yield the parts of a status from top to bottom: state, alarms, gateway, lines, axes."""
+def status_parts(status: Model, config: Path) -> Iterator[RenderableType]:
+    """Yield the parts of a status from top to bottom: state, alarms, gateway, lines, axes.
+
+    ``config`` is the configuration that the commands of remedies name.
+    """
     if status.verdict.state:  # absent from the status of an older supervisor
         yield _verdict(status.verdict)
     for alarm in status.troubles:
-        yield from _alarm(alarm)
+        yield from _alarm(alarm, config)
     if status.verdict.state or status.troubles:
         yield ""
     yield from _gateway(status.gateway)
@@ -72,14 +77,20 @@ def _verdict(verdict: Verdict) -> RenderableType:
     return _words(f"[bold {colour}]{verdict.state.upper()}[/]{since}{f': {counted}' if counted else ''}")
 
 
-def _alarm(alarm: AlarmStatus) -> Iterator[RenderableType]:
+def _alarm(alarm: AlarmStatus, config: Path) -> Iterator[RenderableType]:
     colour = "red" if alarm.severity == "error" else "yellow"
     what = f"{escape(alarm.where)}: {escape(alarm.what)}"
     yield _words(f"[bold {colour}]{escape(alarm.severity)}[/] {what}")
     since = f"since {time_of(alarm.since)} " if alarm.since else ""
-    yield _words(f"  {since}→ {escape(alarm.remedy)}")
+    yield _words(f"  {since}→ {escape(_typed(alarm, config))}")
     if seen := alarm.acknowledged:
         yield _words(f"  acknowledged by {escape(seen.by)}, {time_of(seen.at)}")
+
+
+def _typed(alarm: AlarmStatus, config: Path) -> str:
+    """Return the remedy of an alarm with commands that can be pasted."""
+    remedy = alarm.remedy.replace("CONFIG", shlex.quote(str(config)))
+    return remedy.replace(" AXIS", f" {alarm.axes[0]}") if len(alarm.axes) == 1 else remedy
 
 
 def _gateway(gateway: GatewayStatus) -> Iterator[RenderableType]:

@@ -108,6 +108,15 @@ def test_without_arguments_the_help_is_shown_as_wrong_usage(arguments: list[str]
     assert "Commands" in process.stdout + process.stderr
 
 
+@pytest.mark.parametrize(("group", "one"), [("journal", "verify"), ("table", "lint"), ("drives", "show")])
+def test_a_file_in_place_of_a_subcommand_is_answered_with_their_names(group: str, one: str) -> None:
+    result = CliRunner().invoke(app, [group, "gateway.toml"], env={"COLUMNS": "200"})
+    assert result.exit_code == 2
+    names = re.search(r"No such command 'gateway.toml'. Its commands: ([a-z, ]+)\.", result.stderr)
+    assert names is not None
+    assert one in names[1].split(", ")
+
+
 def test_a_command_waits_for_nothing_that_only_others_need() -> None:
     program = (
         "import sys\n"

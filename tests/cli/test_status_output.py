@@ -3,6 +3,7 @@
 import copy
 import io
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from gateway.cli.status_output import status_parts
 from gateway.status.model import Model
 from tests.support.status_models import model_of
 
+CONFIG = Path("/etc/pitch gateway/mill.toml")
 TOOK = {"p50": 101.26, "p99": 187.4, "p999": 493.6, "max": 495.1, "max_minute": 300.0}
 NOTHING_YET = {"p50": None, "p99": None, "p999": None, "max": 0.0, "max_minute": 0.0}
 X = {
@@ -71,7 +73,7 @@ MODEL: dict[str, Any] = {
 
 
 def show_status(console: Console, status: Model) -> None:
-    for part in status_parts(status):
+    for part in status_parts(status, CONFIG):
         console.print(part)
 
 
@@ -182,14 +184,21 @@ def test_what_is_wrong_comes_first_with_what_to_do() -> None:
             "what": "x[1].tab:3: no number",
             "remedy": "mend it",
         },
-        {"kind": "off", "severity": "warning", "where": "axis y", "what": "off", "remedy": "enable it"},
+        {
+            "kind": "off",
+            "severity": "warning",
+            "where": "axis y",
+            "what": "off",
+            "remedy": "run `enable CONFIG AXIS`",
+            "axes": ["y"],
+        },
     ]
     lines = shown({**MODEL, "troubles": troubles})
     assert lines[:6] == [
         "error axis x: x[1].tab:3: no number",
         "→ mend it",
         "warning axis y: off",
-        "→ enable it",
+        "→ run `enable '/etc/pitch gateway/mill.toml' y`",  # as a shell needs it
         "",
         "gateway mill 1.2.3, runs for 1 h 2 min",
     ]
