@@ -31,6 +31,11 @@ _REFUSED: Final[Mapping[str, str]] = {
     "Retain not supported": "the broker keeps no retained messages, which the gateway needs: switch them on",
     "QoS not supported": "the broker does not accept QoS 1, which the gateway needs: switch it on",
 }
+_OF_TIME: Final = "renew the certificate of the broker. If it is valid, set the clock of this computer"
+_OF_NAME: Final = "set [mqtt] host to a name in the certificate of the broker"
+_OF_CERTIFICATE: Final[Mapping[int, str]] = {9: _OF_TIME, 10: _OF_TIME, 62: _OF_NAME, 64: _OF_NAME}
+"""Remedies by the code of OpenSSL (x509_vfy.h): not yet valid, expired, mismatch of host name or address."""
+OTHER_AUTHORITY: Final = "set [mqtt.tls] ca to the authority that signed the certificate of the broker"
 
 
 def taken_over(settings: Settings) -> str:
@@ -74,10 +79,8 @@ def _of_network(error: OSError, settings: Settings) -> str:
     if isinstance(error, ConnectionRefusedError):
         return f"nothing listens at {broker}: start the broker, or correct [mqtt] host and port"
     if isinstance(error, ssl.SSLCertVerificationError):
-        return (
-            f"{broker} could not prove its identity ({error.verify_message}): set [mqtt.tls] ca to the "
-            "authority that signed its certificate, and [mqtt] host to a name in this certificate"
-        )
+        remedy = _OF_CERTIFICATE.get(error.verify_code, OTHER_AUTHORITY)
+        return f"{broker} could not prove its identity ({error.verify_message.rstrip('.')}): {remedy}"
     if isinstance(error, ssl.SSLError) or (settings.tls is not None and isinstance(error, ConnectionError)):
         reason = getattr(error, "reason", None) or error.strerror or str(error)
         words = reason.lower().replace("_", " ")

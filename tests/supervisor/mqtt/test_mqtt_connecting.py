@@ -6,10 +6,14 @@ import signal
 import socket
 import subprocess
 import sys
+from datetime import timedelta
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
 import pytest
+from cryptography import x509
+from cryptography.x509.oid import ExtendedKeyUsageOID
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.reasoncodes import ReasonCode
 
@@ -17,7 +21,7 @@ from gateway.catalogue.process_events import SUPERVISING
 from gateway.supervisor.mqtt.connection import ANSWER_S, BrokerError
 from gateway.supervisor.mqtt.reasons import why
 from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, connected, model, publishing, settings
-from tests.support.certificates import authority, signed_by
+from tests.support.certificates import Shop, authority, signed_by
 from tests.support.mosquitto import Broker, broker_in, mosquitto_passwd, watching
 from tests.support.ports import free_port
 from tests.support.status_models import model_of
@@ -290,9 +294,12 @@ async def test_with_tls_the_broker_proves_who_it_is(tmp_path: Path, certificates
 @pytest.mark.parametrize(
     ("keys", "said"),
     [
-        ({"tls": {"ca": "other.crt"}}, "could not prove its identity (self-signed certificate in "),
-        ({"tls": {}}, "could not prove its identity (self-signed certificate in "),
-        ({"tls": {"ca": "ca.crt"}, "host": "localhost"}, "could not prove its identity (Hostname mismatch"),
+        (
+            {"tls": {"ca": "other.crt"}},
+            "(self-signed certificate in certificate chain): set [mqtt.tls] ca to",
+        ),
+        ({"tls": {}}, "(self-signed certificate in certificate chain): set [mqtt.tls] ca to"),
+        ({"tls": {"ca": "ca.crt"}, "host": "localhost"}, "'localhost'): set [mqtt] host to a name in the"),
     ],
 )
 async def test_a_broker_that_cannot_prove_who_it_is(
@@ -301,6 +308,26 @@ async def test_a_broker_that_cannot_prove_who_it_is(
     with broker_in(tmp_path, TLS.replace("FOLDER", str(certificates))) as broker:
         async with publishing(settings(broker.port, certificates, **keys), tmp_path) as site:
             assert said in (await site.until_said("mqtt-lost"))["detail"]
+
+
+@pytest.mark.parametrize(
+    ("times", "why_not"),
+    [
+        ({"ended": timedelta(days=1)}, "expired"),
+        ({"begins_in": timedelta(days=1)}, "not yet valid"),
+    ],
+)
+async def test_a_broker_whose_certificate_is_not_valid_now(
+    tmp_path: Path, times: dict[str, timedelta], why_not: str
+) -> None:
+    shop = Shop(tmp_path)
+    name = x509.SubjectAlternativeName([x509.IPAddress(ip_address("127.0.0.1"))])
+    certificate, key = shop.leaf("broker", [name], purpose=ExtendedKeyUsageOID.SERVER_AUTH, **times)
+    text = f"listener {{port}} 127.0.0.1\nallow_anonymous true\ncertfile {certificate}\nkeyfile {key}\n"
+    with broker_in(tmp_path, text) as broker:
+        async with publishing(settings(broker.port, tmp_path, tls={"ca": "ca.pem"}), tmp_path) as site:
+            detail = (await site.until_said("mqtt-lost"))["detail"]
+    assert f"{why_not}): renew the certificate of the broker. If it is valid, set the clock" in detail
 
 
 async def test_tls_with_a_broker_that_speaks_none(tmp_path: Path, certificates: Path) -> None:
