@@ -13,7 +13,7 @@ from typing import Final
 from gateway.modbus.mbap import encode_mbap
 from tests.support.config import axis, gateway_toml, line, registers, tcp, written
 from tests.support.ports import free_port
-from tests.support.processes import COMMAND, ROOT, SECONDS, Running, ending, running, started
+from tests.support.processes import COMMAND, ROOT, SECONDS, Running, ending, of_checkout, running, started
 
 TABLES: Final = ROOT / "tables" / "demo"
 TRAVELS: Final = {"x": (-300.0, 0.0), "y": (0.0, 250.0), "z": (-200.0, 0.0)}
@@ -22,7 +22,7 @@ TRAVELS: Final = {"x": (-300.0, 0.0), "y": (0.0, 250.0), "z": (-200.0, 0.0)}
 class Mill:
     """A mill that runs: its configuration, its gateway, and where it is served."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, budget_us: int = 1_000_000) -> None:
         self.folder = folder
         self.tables = folder / "tables"
         http, drives, self.controller_port, panel = (free_port() for _ in range(4))
@@ -35,7 +35,7 @@ class Mill:
                 unit_id=unit_id,
                 travel=travel,
                 max_speed=50.0,
-                budget_us=1000000,
+                budget_us=budget_us,
                 compensation="on",
                 table=f"cnc10{name}.tab",
             )
@@ -47,12 +47,17 @@ class Mill:
 
     @contextlib.contextmanager
     def running(self) -> Iterator[Running]:
-        """Start drives and gateway; yields the gateway once its page is there and its drives are reached."""
-        simulate = [*COMMAND, "simulate", str(self.config), "--json"]
-        with started(simulate, cwd=ROOT, stdout=subprocess.PIPE, text=True) as drives:
+        """Start drives and gateway; yields the gateway once its page is there and its drives are reached.
+
+        They run in the folder of the configuration, as at a desk: the page shows ``tables/cnc10x.tab``.
+        """
+        simulate = [*COMMAND, "simulate", self.config.name, "--json"]
+        with started(
+            simulate, cwd=self.folder, env=of_checkout(), stdout=subprocess.PIPE, text=True
+        ) as drives:
             assert drives.stdout is not None
             json.loads(drives.stdout.readline())
-            with running("run", str(self.config)) as gateway:
+            with running("run", self.config.name, folder=self.folder) as gateway:
                 gateway.until_each("line-up", "http-ready", "relay-reached")
                 with ending(gateway):
                     yield gateway

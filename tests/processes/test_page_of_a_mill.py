@@ -66,7 +66,8 @@ def test_the_page_follows_the_machine_and_says_what_is_wrong_as_long_as_it_is(mi
         page.wait_for_selector(f"{TROUBLE} >> text=INTERVAL")
         words = page.locator(TROUBLE).inner_text()
         assert "Axis x" in words
-        assert f"{table}:4" in words
+        assert "tables/cnc10x.tab:4: axis.x.table" in words
+        assert str(mill.folder) not in words
         assert "Correct the file" in words
         table.write_text(good)
         gateway.until("table-mended")

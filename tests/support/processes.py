@@ -22,6 +22,11 @@ SECONDS: Final = 100.0
 """So long a test waits for a program to go on."""
 
 
+def of_checkout() -> dict[str, str]:
+    """Return the environment in which ``COMMAND`` is that of this checkout in every folder."""
+    return {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
 @contextlib.contextmanager
 def started(command: list[str], **options: Any) -> "Iterator[subprocess.Popen[Any]]":
     """``subprocess.Popen`` as a context that kills what still runs at its end.
@@ -117,10 +122,10 @@ class Running:
 
 
 @contextlib.contextmanager
-def running(*arguments: str) -> Iterator[Running]:
-    """Run one of our commands; the log of each that ran is printed when the test fails."""
+def running(*arguments: str, folder: Path = ROOT) -> Iterator[Running]:
+    """Run one of our commands in a folder; the log of each that ran is printed when the test fails."""
     command = [*COMMAND, *arguments, "--log-format", "json"]
-    with started(command, cwd=ROOT, stderr=subprocess.PIPE, text=True) as process:
+    with started(command, cwd=folder, env=of_checkout(), stderr=subprocess.PIPE, text=True) as process:
         program = Running(process)
         try:
             yield program

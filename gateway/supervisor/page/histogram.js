@@ -78,7 +78,7 @@ export class Histogram extends Chart {
   times(bounds, across, bottom) {
     const { font } = this;
     let free = -Infinity;
-    const isNarrow = across(1) - across(0) < textWidth("500 µs", font);
+    const isNarrow = across(1) - across(0) < textWidth("500 µs", font) + font * 0.4;
     bounds.forEach((bound, index) => {
       const isPower = Number.isInteger(Math.log10(bound));
       const x = across(index + 1);

@@ -163,7 +163,7 @@ export function otherAxes(state, isAdded) {
 
 /** @param {string} event */
 export function event(event) {
-  return EVENTS[event] ?? capital(event.replaceAll("-", " "));
+  return EVENTS[event] ?? capital(event.replaceAll("-", " ").replace(/^(http|mqtt)\b/, (found) => found.toUpperCase()));
 }
 
 /**
