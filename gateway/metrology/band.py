@@ -107,9 +107,8 @@ class Band:
         if noise := len(self.noise(table)):
             count = 2 * len(table.positions)
             remedy = "" if is_refined else ". table build --drop-noise makes them 0"
-            found.append(
-                f"{noise} of {count} corrections are noise: smaller than their own uncertainty{remedy}"
-            )
+            are = "is noise: smaller than its" if noise == 1 else "are noise: smaller than their"
+            found.append(f"{noise} of {count} corrections {are} own uncertainty{remedy}")
         return found
 
     def as_data(self, table: CorrectionTable) -> JsonObject:

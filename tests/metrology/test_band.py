@@ -182,6 +182,8 @@ def test_a_correction_below_its_uncertainty_is_noise_and_is_left_out_where_asked
         "2 of 10 corrections are noise: smaller than their own uncertainty. table build --drop-noise makes "
         "them 0"
     )
+    one = found.described(table([0.0, 0.0005, 0.0020, 0.0030, 0.0040]), is_refined=True)
+    assert one[1] == "1 of 10 corrections is noise: smaller than its own uncertainty"
     # 0, 0, 0, 0, 0, 0, 0.63, 1.26, 1.90, 2.53: the middle of ten.
     assert said[0].endswith("usually ±0.00 µm, at most ±2.53 µm (forward at 400 mm)")
 
