@@ -78,6 +78,8 @@ def status(
         raise typer.BadParameter("name one CONFIG, or addresses of pages such as http://192.168.0.7:8480")
     if named := [each for each in (token_file, ca, certificate, key) if each is not None]:
         raise typer.BadParameter(f"{named[0]}: this option is for URLs; a CONFIG needs none of them")
+    if ":" in config[0] and not Path(config[0]).exists():
+        raise typer.BadParameter(f"{config[0]}: no such file; for a gateway's page write http://{config[0]}")
     _show_one(Path(config[0]), watch=watch, as_json=as_json)
 
 

@@ -311,3 +311,11 @@ def test_a_token_is_not_sent_unencrypted_to_another_computer(tmp_path: Path, pag
 )
 def test_what_does_not_go_together_is_wrong_usage(arguments: list[str]) -> None:
     assert typed("status", *arguments).returncode == 2
+
+
+def test_the_address_of_a_page_without_http_is_told_as_it_is_written() -> None:
+    refused = typed("status", "mill-1:8480")
+    assert refused.returncode == 2
+    assert "for a gateway's page write http://mill-1:8480" in " ".join(
+        refused.stderr.replace("│", " ").split()
+    )
