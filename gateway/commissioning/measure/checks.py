@@ -121,31 +121,32 @@ def compensation_of(status: RelayModel, axis: AxisPlan) -> Compensation:
         return Compensation(state)
     if state not in IN_FORCE:
         remedy = {
-            "unreferenced": "home it (or pitch-gateway reference), or switch the correction off "
-            "(pitch-gateway disable) and measure without it",
-            "blocked": "the gateway refuses its targets; pitch-gateway status and its log say why",
-        }.get(state, "pitch-gateway status says why")
+            "unreferenced": f"home it (or pitch-gateway reference CONFIG {axis.name}), or switch the "
+            f"correction off (pitch-gateway disable CONFIG {axis.name}) and measure without it",
+            "blocked": "the gateway refuses its targets; pitch-gateway status CONFIG and its log say why",
+        }.get(state, "pitch-gateway status CONFIG says why")
         raise AxisError(f"axis {axis.name} is {state}: {remedy}")
     gain = found.gain
     if {gain.forward, gain.backward} != {1.0}:
         raise AxisError(
             f"axis {axis.name} has gain {gain.forward:g} forward and {gain.backward:g} backward, but a "
-            "table needs the whole correction or none: set both to 1, or run pitch-gateway disable"
+            "table needs the whole correction or none: set both to 1, or run pitch-gateway disable CONFIG "
+            f"{axis.name}"
         )
     if not axis.table_name:
         raise AxisError(
-            f"axis {axis.name} has a backlash and no table: run pitch-gateway disable, then measure; "
-            "the new table will include the lost motion"
+            f"axis {axis.name} has a backlash and no table: run pitch-gateway disable CONFIG {axis.name}, "
+            "then measure; the new table will include the lost motion"
         )
     if found.table.sha256 != axis.table_digest:
         raise AxisError(
             f"axis {axis.name}: {axis.table_name} has changed since the gateway read it: run "
-            "pitch-gateway reload, then measure"
+            "pitch-gateway reload CONFIG, then measure"
         )
     if found.table.compiled != _compiled_digest(axis):
         raise AxisError(
             f"axis {axis.name}: table_options of {axis.table_name} in CONFIG differ from those of the "
-            "gateway: run pitch-gateway reload, then measure"
+            "gateway: run pitch-gateway reload CONFIG, then measure"
         )
     return Compensation(state, str(found.table.sha256))
 
