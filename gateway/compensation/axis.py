@@ -52,17 +52,14 @@ class AxisCompensation:
         self._hysteresis = settings.hysteresis * JUST_BELOW
         self._state = State()
         self._readback = Readback(settings.counts_per_unit, settings.zero_counts)
-        self._accepted: Accepted | None = None
         self._way = (0.0, 0.0)
         self._steps = 0
-        """Number of targets of the present run: accepted since the four values above were computed, each
+        """Number of targets of the present run: accepted since the three values above were computed, each
         continuing from the one before."""
-        self._from_nominal: Counts = 0
-        self._from_corrected: Counts = 0
+        self._before_last = Accepted(0, 0)
         """The last target but one of the run."""
-        self._to_nominal: Counts = 0
-        self._to_corrected: Counts = 0
-        """The last target of the run."""
+        self.accepted: Accepted | None = None
+        """The last accepted target; None: none yet, or the target in the drive is unknown."""
         self._position = self._extreme = 0.0
         self._at_ns = 0
         self._requested = NOTHING
@@ -94,18 +91,6 @@ class AxisCompensation:
         return self._readback
 
     @property
-    def accepted(self) -> Accepted | None:
-        """The last accepted target; None: none yet, or the target in the drive is unknown."""
-        if self._steps:
-            self._end_run()
-        return self._accepted
-
-    @property
-    def has_target(self) -> bool:
-        """Whether there is a last accepted target; does not end a run."""
-        return self._accepted is not None
-
-    @property
     def way(self) -> tuple[float, float]:
         """Corrected counts between which the axis moves for the last accepted target, lower one first."""
         if self._steps:
@@ -133,10 +118,12 @@ class AxisCompensation:
 
         Nominal and corrected counts of each, position and extreme of the travel, time in ns.
         """
-        if not self._steps:
+        if not self._steps or self.accepted is None:
             return ()
+        from_nominal, from_corrected = self._before_last
+        to_nominal, to_corrected = self.accepted
         return (
-            self._from_nominal, self._from_corrected, self._to_nominal, self._to_corrected,
+            from_nominal, from_corrected, to_nominal, to_corrected,
             self._position, self._extreme, self._at_ns,
         )  # fmt: skip
 
@@ -229,7 +216,7 @@ class AxisCompensation:
         """Pass 1:1 from now on, and request nothing: earlier positions are no longer valid."""
         self._steps = 0
         self._state = State()
-        self._accepted = None
+        self.accepted = None
         self._requested = NOTHING
         self._actual_counts = None
         self._readback = Readback(self._counts_per_unit, self._zero_counts)
@@ -245,7 +232,7 @@ class AxisCompensation:
         self._state = state._replace(spec=NOTHING, previous=None, change=1.0, change_distance=0.0)
         if accepted is not None:
             here = accepted.nominal_counts
-            self._accepted, self._way = Accepted(here, here), (here, here)
+            self.accepted, self._way = Accepted(here, here), (here, here)
 
     def find_reference(self, spec: CorrectionSpec) -> None:
         """The axis is referenced: request ``spec``, on the branch on which homing ended.
@@ -262,7 +249,7 @@ class AxisCompensation:
         """Forget the target: the drive may hold another one. The next target is never taken for a repeat."""
         if self._steps:
             self._end_run()
-        self._accepted = None
+        self.accepted = None
 
     def invalidate(self) -> None:
         """Mark the branch in force as only assumed."""
@@ -327,26 +314,29 @@ class AxisCompensation:
             corrected_counts: the counts that the drive was sent.
             is_reached: the axis is at the previous target, whatever was read on the way there.
         """
-        seen, has_target = self._actual_counts, self.accepted is not None
-        before = self.accepted.corrected_counts if self.accepted else corrected_counts
+        if self._steps:
+            self._end_run()
+        accepted, seen = self.accepted, self._actual_counts
+        has_target = accepted is not None
+        before = corrected_counts if accepted is None else accepted.corrected_counts
         actual = before if seen is None or (is_reached and has_target) else seen
         low, high = (before, corrected_counts) if before < corrected_counts else (corrected_counts, before)
         low, high = min(low, actual), max(high, actual)
         is_way_unknown = seen is None and has_target and not is_reached and not self.is_stream
         if is_way_unknown:  # the axis may be anywhere on its previous way
-            low, high = min(low, self.way[0]), max(high, self.way[1])
+            low, high = min(low, self._way[0]), max(high, self._way[1])
         self._way = (low, high)
         target = Accepted(move.nominal_counts, corrected_counts)
         is_there = has_target and actual == before
         self._readback = after_target(
-            self.readback, move.correction_map, target, actual, is_at_target=is_there
+            self._readback, move.correction_map, target, actual, is_at_target=is_there
         )
         goes_on = self._goes_on(move)
-        is_other = move.state.spec is not self.state.spec
+        is_other = move.state.spec is not self._state.spec
         self._state = move.state
         if is_other:  # another correction may have been requested meanwhile
             self._measure_change()
-        self._accepted = target
+        self.accepted = target
         self._actual_counts = None
         if not goes_on:
             self._update_steadiness()
@@ -361,21 +351,18 @@ class AxisCompensation:
             now_ns: monotonic time.
             is_reached: the last accepted target is known to be reached.
         """
-        accepted, position = self._accepted, (nominal_counts - self._zero_counts) / self._counts_per_unit
-        has_target, last_counts = accepted is not None, self._to_nominal
-        if not self._steps:
-            direction, extreme = self._state.travel
-            if accepted is not None:
-                last_counts = accepted.nominal_counts
-        else:
-            direction, extreme = self._state.travel.direction, self._extreme
-        if has_target and last_counts == nominal_counts:
+        accepted, position = self.accepted, (nominal_counts - self._zero_counts) / self._counts_per_unit
+        if accepted is not None and accepted.nominal_counts == nominal_counts:
             return None
+        direction, extreme = self._state.travel
+        if self._steps:
+            extreme = self._extreme
         slack = self._hysteresis
         if not self.is_stream:
-            if not (has_target and is_reached):
+            if accepted is None or not is_reached:
                 return None
-            extreme, slack = (last_counts - self._zero_counts) / self._counts_per_unit, 0.0
+            extreme = (accepted.nominal_counts - self._zero_counts) / self._counts_per_unit
+            slack = 0.0
         behind = extreme - position if direction is FORWARD else position - extreme
         if behind > 0.0:
             if behind >= slack:
@@ -434,7 +421,7 @@ class AxisCompensation:
             corrected_counts: the counts that the drive was sent.
             is_reached: as of :meth:`commit`.
         """
-        accepted = self._accepted
+        accepted = self.accepted
         if (
             accepted is None
             or not self.is_steady
@@ -444,11 +431,8 @@ class AxisCompensation:
         ):
             self.commit(self.move_of(steady), corrected_counts, is_reached=is_reached)
             return
-        if self._steps:
-            self._from_nominal, self._from_corrected = self._to_nominal, self._to_corrected
-        else:
-            self._from_nominal, self._from_corrected = accepted
-        self._to_nominal, self._to_corrected = steady.nominal_counts, corrected_counts
+        self._before_last = accepted
+        self.accepted = _new(Accepted, (steady.nominal_counts, corrected_counts))
         self._position, self._extreme, self._at_ns = steady.position, steady.extreme, steady.now_ns
         self._actual_counts = None
         self._steps += 1
@@ -456,17 +440,14 @@ class AxisCompensation:
     def _end_run(self) -> None:
         """Compute the state after the last target of a run."""
         steps, self._steps = self._steps, 0
-        correction_map, before = self._steady_map, self._readback
-        from_corrected, corrected = self._from_corrected, self._to_corrected
+        correction_map, before, accepted = self._steady_map, self._readback, self.accepted
+        assert accepted is not None
         if steps > 1:
-            before = reached(before, correction_map, Accepted(self._from_nominal, from_corrected))
+            before = reached(before, correction_map, self._before_last)
         self._state = self._state_after(self._state, self._position, self._extreme, self._at_ns)
-        self._accepted = Accepted(self._to_nominal, corrected)
-        self._readback = after_target(
-            before, correction_map, self._accepted, from_corrected, is_at_target=True
-        )
-        is_up = from_corrected < corrected
-        self._way = (from_corrected, corrected) if is_up else (corrected, from_corrected)
+        came_from, corrected = self._before_last.corrected_counts, accepted.corrected_counts
+        self._readback = after_target(before, correction_map, accepted, came_from, is_at_target=True)
+        self._way = (came_from, corrected) if came_from < corrected else (corrected, came_from)
 
     def _is_covered(self, position: float) -> bool:
         curve = self._state.spec.curve
@@ -502,7 +483,7 @@ class AxisCompensation:
         """Take the axis as at a target that the drive accepted before: later ones were not executed."""
         if self._steps:
             self._end_run()
-        self._accepted = target
+        self.accepted = target
         self._readback = reached(self._readback, self.map_of(self._state), target)
 
     def read_as_reached(self, move: Move, corrected_counts: Counts) -> None:
@@ -526,7 +507,7 @@ class AxisCompensation:
         """
         self._steps = 0
         self._state = state
-        self._accepted = accepted
+        self.accepted = accepted
         self._way = way
         self._readback = Readback(
             self._counts_per_unit, self._zero_counts, self.map_of(state), anchor_counts, fade
@@ -558,9 +539,9 @@ class AxisCompensation:
         if estimate is None:
             return kept, True
         if estimate.kind is EstimateKind.ON_DRIVE:
-            return self._direction_from_drive(position, self.machine_position(estimate.counts))
+            return self._direction_from_drive(position, self.machine_position(estimate.counts), kept)
         if estimate.kind is EstimateKind.ON_WAY:
-            return self._direction_on_way(position, self.machine_position(estimate.counts))
+            return self._direction_on_way(position, self.machine_position(estimate.counts), kept)
         if self._is_same_again(position):
             return kept, self.state.is_unsure
         distance = position - self.machine_position(estimate.counts)
@@ -577,33 +558,35 @@ class AxisCompensation:
         distance = abs(position - self.machine_position(accepted.nominal_counts))
         return distance * abs(self._counts_per_unit) <= within / JUST_BELOW
 
-    def _direction_from_drive(self, position: float, actual: float) -> tuple[Direction, bool]:
+    def _direction_from_drive(
+        self, position: float, actual: float, kept: Direction
+    ) -> tuple[Direction, bool]:
         """Decide on the drive's scale, where no branch needs to be known.
 
         If the axis is where one branch puts the target, it got there on that branch. Otherwise the direction
         is certain only if the axis is outside the range of both branches for the target.
         """
-        forward = position + self._requested.map_at(1.0).correction(position)
-        backward = position + self._requested.map_at(0.0).correction(position)
+        forward = position + self._requested.correction(position, is_forward=True)
+        backward = position + self._requested.correction(position, is_forward=False)
         is_at_forward = abs(actual - forward) <= self._hysteresis
         is_at_backward = abs(actual - backward) <= self._hysteresis
         if is_at_forward and is_at_backward:
-            return self.state.travel.direction, False
+            return kept, False
         if is_at_forward or is_at_backward:  # first: whole counts may lie just outside of both
             return (Direction.FORWARD if is_at_forward else Direction.BACKWARD), False
         if min(forward, backward) <= actual <= max(forward, backward):
-            return self.state.travel.direction, True
+            return kept, True
         return (Direction.FORWARD if actual < forward else Direction.BACKWARD), False
 
-    def _direction_on_way(self, position: float, actual: float) -> tuple[Direction, bool]:
+    def _direction_on_way(self, position: float, actual: float, kept: Direction) -> tuple[Direction, bool]:
         """Do the same for a moving axis: its position at one moment does not prove a branch."""
-        forward = position + self._requested.map_at(1.0).correction(position)
-        backward = position + self._requested.map_at(0.0).correction(position)
+        forward = position + self._requested.correction(position, is_forward=True)
+        backward = position + self._requested.correction(position, is_forward=False)
         if actual < min(forward, backward) - self._hysteresis:
             return Direction.FORWARD, False
         if actual > max(forward, backward) + self._hysteresis:
             return Direction.BACKWARD, False
-        return self.state.travel.direction, True
+        return kept, True
 
     def _stream(self, position: float, now_ns: int) -> State:
         state = self.state

@@ -38,7 +38,7 @@ class CorrectionMap:
     __slots__ = ("_bound", "_branch", "_single", "_weight", "is_identity", "offset", "terms", "tilt")
 
     def __init__(self, terms: tuple[Term, ...] = (), offset: float = 0.0, tilt: float = 0.0) -> None:
-        self.terms = tuple(t for t in terms if t.forward_weight or t.backward_weight)
+        self.terms = tuple([term for term in terms if term.forward_weight or term.backward_weight])
         self.offset = offset
         self.tilt = tilt
         self.is_identity = not self.terms and not offset and not tilt
@@ -46,10 +46,10 @@ class CorrectionMap:
         self._branch, self._weight = _single_branch(self.terms)
         self._single = None if offset or tilt else self._branch
         """The only branch, if there is nothing else."""
-        weights = (abs(t.forward_weight) + abs(t.backward_weight) for t in self.terms)
-        self._bound = abs(offset) + sum(
-            w * t.curve.max_correction for w, t in zip(weights, self.terms, strict=True)
-        )
+        bound = 0.0
+        for curve, forward_weight, backward_weight in self.terms:
+            bound += (abs(forward_weight) + abs(backward_weight)) * curve.max_correction
+        self._bound = abs(offset) + bound
 
     def correction(self, nominal: float) -> float:
         """Return the correction at a nominal machine position, in units."""

@@ -66,6 +66,15 @@ class CorrectionSpec:
         """Return the map with only this correction in force."""
         return CorrectionMap(self.terms(forward_share, 1.0), self.offset, self.tilt)
 
+    def correction(self, position: float, *, is_forward: bool) -> float:
+        """Return what one branch adds at a machine position, in units: that of :meth:`map_at` 1 or 0."""
+        line = self.offset + self.tilt * position
+        if self.curve is None:
+            return line
+        if is_forward:
+            return line + self.gain.forward * self.curve.forward(position)
+        return line + self.gain.backward * self.curve.backward(position)
+
     def is_kin_of(self, other: "CorrectionSpec") -> bool:
         """Whether two corrections differ in the line only: the same curve and gains."""
         return self.curve is not None and self.curve is other.curve and self.gain == other.gain

@@ -15,10 +15,9 @@ class Direction(Enum):
     BACKWARD = -1
     UNKNOWN = 0
 
-    @property
-    def goal(self) -> float:
+    def __init__(self, sign: int) -> None:
+        self.goal = (sign + 1) / 2
         """Blend progress at which the branch of this direction is fully in force."""
-        return (self.value + 1) / 2
 
 
 class Travel(NamedTuple):

@@ -466,7 +466,7 @@ class Motion:
         has_its_own = (
             (unacknowledged is not None) is (state is _UNACKNOWLEDGED)
             and (superseded is not None) is (state is _SUPERSEDED)
-            and (state not in TARGETED or self.compensation.has_target)
+            and (state not in TARGETED or self.compensation.accepted is not None)
         )
         if not has_its_own:
             self._on_fault(fault(f"motion: {state.value} without what belongs to it"))
