@@ -29,7 +29,6 @@ from gateway.exchange.axis.record_layout import (
     RememberedState,
     Specs,
 )
-from gateway.exchange.axis.registers import FieldImage
 from gateway.exchange.plan import AxisPlan
 from gateway.times import NS_PER_MS, NS_PER_S
 
@@ -286,9 +285,14 @@ class Record:
 
 
 def _knows_words(motion: Motion) -> bool:
-    """Whether the drive holds the words of the last target, so that a restart may recognise a repeat."""
-    number = motion.last_number
-    return number is not None and not motion.has_rules and _holds_its_words(motion.fields[number])
+    """Whether the drive holds the words of the last target, so that a restart may recognise a repeat.
+
+    Not if a write was lost since.
+    """
+    if motion.last_number is None or motion.has_rules:
+        return False
+    image = motion.fields[motion.last_number]
+    return image.corrected_words is not None and image.nominal_words is not None and not image.is_incomplete
 
 
 def _was_there(motion: Motion) -> bool:
@@ -298,11 +302,6 @@ def _was_there(motion: Motion) -> bool:
         return motion.state in WAS_THERE
     near = settings.hysteresis_counts
     return abs(actual.counts - accepted.corrected_counts) <= near
-
-
-def _holds_its_words(image: FieldImage) -> bool:
-    """Whether the drive holds the words of the last target, and no write was lost since."""
-    return image.corrected_words is not None and image.nominal_words is not None and not image.is_incomplete
 
 
 def _state_numbers(state: State) -> tuple[object, ...]:

@@ -226,8 +226,7 @@ class RecordSlots:
         """Write a record: its numbers in the order of the layout, and those of a target on the wire."""
         if specs != self._specs:
             self._specs = specs
-            self._specs_bytes = b"".join(_spec_bytes(spec, specs[4]) for spec in specs[:4])
-            self._tilts = tuple(0.0 if spec is None else spec.tilt for spec in specs[:4])
+            self._specs_bytes, self._tilts = _specs_bytes(specs)
         self._store(True, base, move, self._specs_bytes)
 
     def write_step(self, step: tuple[object, ...], move: tuple[object, ...] | None) -> None:
@@ -347,11 +346,18 @@ def why_not_readable(data: bytes | memoryview, name: str, size: int | None = Non
     return ""
 
 
-def _spec_bytes(spec: CorrectionSpec | None, requested: CorrectionSpec) -> bytes:
-    if spec is None:
-        return _NO_SPEC
-    flags = _IS_THERE | (_IS_REQUESTED if spec is requested or spec.is_kin_of(requested) else 0)
-    return _SPEC.pack(flags, spec.table_digest, spec.gain.forward, spec.gain.backward, spec.offset)
+def _specs_bytes(specs: Specs) -> tuple[bytes, tuple[float, ...]]:
+    """Return the corrections of state and move in bytes, and the slopes of their lines."""
+    packed, tilts, requested = b"", [], specs[4]
+    for spec in specs[:4]:
+        if spec is None:
+            packed += _NO_SPEC
+            tilts.append(0.0)
+            continue
+        flags = _IS_THERE | (_IS_REQUESTED if spec is requested or spec.is_kin_of(requested) else 0)
+        packed += _SPEC.pack(flags, spec.table_digest, spec.gain.forward, spec.gain.backward, spec.offset)
+        tilts.append(spec.tilt)
+    return packed, tuple(tilts)
 
 
 def _body(buffer: memoryview, number: int) -> bytes | None:
