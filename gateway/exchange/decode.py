@@ -314,7 +314,7 @@ class AxisCommand:
         """The command fields that it writes and runs."""
         if not self.runs_target:
             return ()
-        if self.axis.plan.motion.waits_for_trigger:
+        if self.axis.waits_for_trigger:
             return tuple([hit for hit in self.hits if hit.mapped.number == self.number])
         return self.hits
 

@@ -122,8 +122,7 @@ def _obeyed(request: Request, command: AxisCommand, now_ns: int) -> None:
         _move_otherwise(command, now_ns, is_certain=True)
     elif command.is_doubtful:
         axis.motion.displace(now_ns, keeps_branch=True)  # readings rely on the branch already
-    is_whole = not any(axis.fields[number].is_incomplete for number in command.written)
-    if command.written and is_whole:
+    if command.written and not any(axis.fields[number].is_incomplete for number in command.written):
         axis.release_triggers(command.epoch)
     if command.runs_alone and not command.is_run_known and not _runs_superseded(command):
         axis.motion.displace(now_ns)
@@ -251,7 +250,7 @@ def _block_for(command: AxisCommand, code: int) -> None:
     # The other axes of a gantry must not start alone (M11). A run that was refused because of them blocks
     # none of them.
     is_run_of_gantry = bool(axis.peers) and command.runs_target and axis.blocked_by_peer is None
-    may_stand = axis.plan.motion.waits_for_trigger or bool(axis.peers)
+    may_stand = axis.waits_for_trigger or bool(axis.peers)
     if not may_stand or not (command.written or command.writes_mode or is_run_of_gantry):
         return
     for address in command.modes_written:

@@ -94,7 +94,7 @@ def is_at_rest(axis: Axis, up_ns: int, now_ns: int) -> bool:
     is_stationary = has_arrived and not axis.motion.is_moving and not axis.reference.is_homing
     if not is_stationary or axis.acknowledgement.on_wire is not OnWire.NOTHING:
         return False
-    staged = axis.rules.staged if axis.plan.motion.waits_for_trigger else None
+    staged = axis.rules.staged if axis.waits_for_trigger else None
     if staged is None:
         return True
     last, image = axis.motion.last_target, axis.fields[staged]

@@ -91,7 +91,7 @@ def _leaving(run: Rendering, now_ns: int) -> Rendering:
 def _prepare_write(request: Request, *, has_stop: bool) -> None:
     """Render what a request writes; refuse what it must not write, unless it stops an axis."""
     frame, access = request.frame, request.frame.access
-    stopped = [command.axis for command in request.commands if command.is_stop]
+    stopped = [command.axis for command in request.commands if command.is_stop] if has_stop else []
     changed: list[tuple[FieldHit, bytes]] = []
     for own in frame.by_axis:
         axis = own.axis
@@ -113,7 +113,9 @@ def _prepare_write(request: Request, *, has_stop: bool) -> None:
         raise refused(refusals.UNKNOWN_WIDTH, name, access="write", address=access.write_address)
     for own in frame.by_axis:
         if own.commands:
-            request.of(own.axis).parts.extend([part_of(hit, frame.pdu, access) for hit in own.commands])
+            parts = request.of(own.axis).parts
+            for hit in own.commands:
+                parts.append(part_of(hit, frame.pdu, access))
     for command in request.commands:
         command.untracked.extend(command.partly_written)
         try:
@@ -312,11 +314,12 @@ def _blocking_code(request: Request, command: AxisCommand) -> int | None:
         return axis.blocked_by
     if not command.runs_target and action is not Action.UNKNOWN:
         return None
-    mode = None if command.number is None else axis.plan.motion.mode(command.number)
     lost_mode = axis.rules.lost_mode(command.number)
-    if lost_mode is not None and mode is not None and mode.address not in command.words:
-        return lost_mode
-    if not command.runs_target or axis.interlock.block is Block.OWN:
+    if lost_mode is not None and command.number is not None:
+        mode = axis.plan.motion.mode(command.number)
+        if mode is not None and mode.address not in command.words:
+            return lost_mode
+    if not axis.peers or not command.runs_target or axis.interlock.block is Block.OWN:
         return None
     beside = [each.axis for each in request.commands if each.runs_target and not each.runs_alone]
     return axis.blocked_by_one_of([peer for peer in axis.peers if peer not in beside])
@@ -344,7 +347,7 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
         number, image = hit.mapped.number, hit.mapped.image
         assert image is not None
         # A part that was refused before would run too (M3): the trigger is in this frame, or is this word.
-        runs_lost_part = image.is_incomplete and not hit.is_whole and axis.plan.motion.waits_for_trigger
+        runs_lost_part = axis.waits_for_trigger and not hit.is_whole and image.is_incomplete
         if words is None or (runs_lost_part and image.completeness is Completeness.PART_REFUSED):
             _refuse_unknown(request, hit)
             continue

@@ -160,7 +160,11 @@ class Request:
 
 def has_a_stop(requests: Sequence[Request]) -> bool:
     """Whether a request stops any axis of the units that it reaches: then all of it passes (M3)."""
-    return any(command.is_stop for request in requests for command in request.commands)
+    for request in requests:
+        for command in request.commands:
+            if command.is_stop:
+                return True
+    return False
 
 
 def understand(
@@ -187,7 +191,7 @@ def _complete(request: Request, command: AxisCommand) -> None:
     # A cyclic image with several fields is a repeat as a whole; one field written again alone is a target.
     # The words of a distance say nothing about a position.
     is_distance = command.action.is_relative or axis.targets.last_run.is_relative
-    is_again = not (axis.plan.motion.waits_for_trigger or is_distance)
+    is_again = not (axis.waits_for_trigger or is_distance)
     has_last = False
     for hit in command.hits:
         mapped = hit.mapped

@@ -133,12 +133,18 @@ class Axis:
         "reports",
         "rules",
         "targets",
+        "waits_for_trigger",
+        "writes_words_alone",
     )
 
     def __init__(self, plan: AxisPlan) -> None:
         self.plan = plan
+        self.waits_for_trigger = plan.motion.waits_for_trigger
+        """Whether the drive may hold a position that it does not run (M3)."""
+        self.writes_words_alone = plan.writes_with is Form.FC06
+        """Whether the drive takes single registers only: each word is sent as it is written."""
         # --- what the drive holds
-        self.fields = [FieldImage(each, waits=plan.motion.waits_for_trigger) for each in plan.command]
+        self.fields = [FieldImage(each, waits=self.waits_for_trigger) for each in plan.command]
         self.limit_fields = [FieldImage(each) for each in plan.limits]
         self.rules = RuleImage(plan.motion)
         self.is_alarmed = False
@@ -194,11 +200,6 @@ class Axis:
             return False
         has_branches = self.correction.has_branches or compensation.state.spec.has_branches
         return has_branches and not compensation.is_passing
-
-    @property
-    def writes_words_alone(self) -> bool:
-        """Whether the drive takes single registers only: each word is sent as it is written."""
-        return self.plan.writes_with is Form.FC06
 
     def writes_nothing(self, code: int, *, reads_too: bool) -> bool:
         """Whether an exception to a write proves that nothing was written (M7).
@@ -542,7 +543,7 @@ class Axis:
         """Discard the former writer's parts of positions: they belong to no target of the next one (M3)."""
         for image in self.fields:
             image.lose_all_words()
-        if self.plan.motion.waits_for_trigger and self.rules.staged is not None:
+        if self.waits_for_trigger and self.rules.staged is not None:
             why = (
                 f"it was taken over from {former}: triggers are refused until a complete target was accepted"
             )
@@ -561,7 +562,7 @@ class Axis:
         for mode in self.plan.motion.modes:
             if mode is not None:
                 self.lose_mode(mode.address, code)
-        if self.plan.motion.waits_for_trigger:
+        if self.waits_for_trigger:
             self.block_triggers(code, "more requests of its writer were lost than are remembered")
 
     def overwrite(self, numbers: list[int], writer: str, code: int) -> None:
@@ -571,7 +572,7 @@ class Axis:
         if not numbers:
             return
         self.hold.overwrite(writer)
-        if self.plan.motion.waits_for_trigger:
+        if self.waits_for_trigger:
             why = f"a stop of {writer} changed the target: triggers are refused until a complete one came"
             self.block_triggers(code, why)
 

@@ -204,6 +204,7 @@ class AxisReference:
         "bit_seen_ns",
         "follows_homed_bit",
         "homing_since_ns",
+        "is_referenced",
         "is_remapped",
         "is_unconfirmed",
         "kind",
@@ -238,6 +239,8 @@ class AxisReference:
         """A remapping register of its unit was written (M10): nothing is corrected until a restart."""
         self.waits_for_peers = False
         """Another axis of its group is not referenced (M11)."""
+        self.is_referenced = self.state is _REFERENCED
+        """Whether the axis, and every axis of its group, is referenced, as far as is known."""
 
     def happens(self, event: ReferenceEvent) -> None:
         """Enter the state that the table gives, with its data."""
@@ -248,7 +251,7 @@ class AxisReference:
             self._on_fault(sentence)  # ``_on_fault`` calls :meth:`invalidate`, where a bit decides
             return
         if after is not IGNORED:
-            self.state = after
+            self._enter(after)
         if self.follows_homed_bit:
             if event in BITS:
                 self.is_unconfirmed, self.was_reported = False, True
@@ -257,8 +260,12 @@ class AxisReference:
 
     def invalidate(self) -> None:
         """The reference is unknown until it is read again or declared."""
-        self.state = _NOT_REFERENCED
+        self._enter(_NOT_REFERENCED)
         self.is_unconfirmed = self.follows_homed_bit
+
+    def _enter(self, state: ReferenceState) -> None:
+        self.state = state
+        self.is_referenced = state is _REFERENCED and not self.waits_for_peers
 
     def begin_homing(self, now_ns: int, *, is_certain: bool) -> None:
         """A homing command was sent; ``is_certain``: the drive acknowledged it."""
@@ -286,6 +293,7 @@ class AxisReference:
     def wait_for_peers(self, *, waits: bool) -> None:
         """Another axis of its group is not referenced (``waits``), or all are (M11)."""
         self.waits_for_peers = waits
+        self._enter(self.state)
 
     def end(self) -> None:
         """The registers of its drive have another meaning from now on."""
@@ -295,11 +303,6 @@ class AxisReference:
     def is_found(self) -> bool:
         """Whether the axis itself is referenced, as far as is known."""
         return self.state is _REFERENCED
-
-    @property
-    def is_referenced(self) -> bool:
-        """Whether the axis, and every axis of its group, is referenced, as far as is known."""
-        return self.state is _REFERENCED and not self.waits_for_peers
 
     @property
     def is_homing(self) -> bool:
