@@ -43,13 +43,11 @@ class Deadlines:
         return bool(self._axes) and now_ns - transaction.arrived_ns - transaction.excused_ns > self._least_ns
 
     def check(self, transaction: Transaction, now_ns: int) -> None:
-        """Check the age of a target or trigger that is about to be sent.
+        """Check the age of a target or trigger that is about to be sent, and that may be late.
 
         Raises:
             RefusedRequestError: it is late, and its axis refuses late ones.
         """
-        if not self.may_be_late(transaction, now_ns):
-            return
         age_ms = (now_ns - transaction.arrived_ns - transaction.excused_ns) / NS_PER_MS
         late = [axis for axis in self._axes if age_ms > axis.plan.deadline_ms]
         late = [axis for axis in late if is_acting_on(self._units, transaction, [axis])]

@@ -200,7 +200,7 @@ class UnitMaps:
                 settle_group(axis, now_ns)
             arrived_ns, follows_ns = transaction.arrived_ns, transaction.follows_ns
             requests.append(understand(frame, prefetched, now_ns, arrived_ns, follows_ns))
-        has_stop = has_a_stop(requests)
+        has_stop = self.have_rules and has_a_stop(requests)
         for i, request in enumerate(requests):
             if settle_groups(request, has_stop=has_stop):
                 requests[i] = understand(request.frame, prefetched, now_ns, arrived_ns, follows_ns)

@@ -97,7 +97,7 @@ class DriveSide:
         else:
             nominal_reply = forwarding.answered(path, transaction, pdu, now_ns)
         if path is None or nominal_reply is None:
-            axes = self._take_reply(transaction, pdu, now_ns)
+            axes = self._take_reply(transaction, pdu, now_ns, is_absent=is_absent)
         else:
             axes = path.axes
             self._counters.exchanges += 1
@@ -163,11 +163,13 @@ class DriveSide:
         if has_died:
             self._back_off(why, now_ns)
 
-    def _take_reply(self, transaction: Transaction, pdu: bytes, now_ns: int) -> tuple[Axis, ...]:
+    def _take_reply(
+        self, transaction: Transaction, pdu: bytes, now_ns: int, *, is_absent: bool
+    ) -> tuple[Axis, ...]:
         """Take a reply on the slow path; return the axes whose state it may have changed."""
         axes = self._units.axes_of(transaction.wire_unit_id)
-        if not is_absence(pdu):
-            for axis in axes:
+        for axis in axes:
+            if axis.reach.silent_since_ns is not None and not is_absent:
                 axis.end_silence(is_answer=True)
         if transaction.added is not None:
             self._transactions.free_wire()

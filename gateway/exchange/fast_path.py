@@ -251,9 +251,21 @@ class WritePath(FastPath):
 
     def is_ready(self, port: ControllerPort | None, now_ns: int) -> bool:
         """Whether only the words of a target can still keep it from this path."""
+        axis = self._axis
         if port is None or (port.writer != self._hold.writer and not self._hold.is_shared):
             return False  # another writer moved the axis last, or no writer has
-        return self._axis.compensation.is_steady and self._is_usual(now_ns)
+        if not axis.compensation.is_steady:
+            return False
+        for reach, recall in self._watched:  # what has happened must be checked before the next target
+            record = recall.record
+            if reach.silent_since_ns is not None or (record is not None and record.saved is not None):
+                return False
+        motion = axis.motion
+        if not axis.compensation.is_stream and self._correction.has_branches and motion.is_unseen(now_ns):
+            return False
+        if motion.unacknowledged is not None or motion.state in MAY_BE_ELSEWHERE or self._image.is_incomplete:
+            return False
+        return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
 
     @property
     def byte_range(self) -> tuple[int, int]:
@@ -324,20 +336,6 @@ class WritePath(FastPath):
         """See ``FastPath``."""
         assert transaction.port is not None
         self._hold.move(transaction.port.writer, transaction.sent_ns)
-
-    def _is_usual(self, now_ns: int) -> bool:
-        """Whether nothing has happened that must be checked before the next target."""
-        axis = self._axis
-        for reach, recall in self._watched:
-            record = recall.record
-            if reach.silent_since_ns is not None or (record is not None and record.saved is not None):
-                return False
-        motion = axis.motion
-        if not axis.compensation.is_stream and self._correction.has_branches and motion.is_unseen(now_ns):
-            return False
-        if motion.unacknowledged is not None or motion.state in MAY_BE_ELSEWHERE or self._image.is_incomplete:
-            return False
-        return not (self._asks_for_bits and axis.needs_reference(now_ns, is_target=True))
 
     def answered(self, transaction: Transaction, reply: bytes, now_ns: int) -> bytes | None:
         """See ``FastPath``."""

@@ -65,9 +65,9 @@ def is_repeat(axis: Axis, number: int, nominal_words: bytes) -> bool:
     """Whether these words are those that the drive already acknowledged for this command field (M4)."""
     image, motion = axis.fields[number], axis.motion
     return (
-        axis.compensation.accepted is not None
+        image.nominal_words == nominal_words
+        and axis.compensation.accepted is not None
         and not image.is_incomplete
-        and image.nominal_words == nominal_words
         and image.corrected_words is not None
         and (number != motion.last_number or axis.correction.is_dry_run or motion.holds_target(number))
     )

@@ -103,14 +103,10 @@ class LineContext:
         for axis in axes:
             if axis.peers:
                 axis.follow_group()
-                for peer in axis.peers:
-                    self._report_one(peer)
-            self._report_one(axis)
-
-    def _report_one(self, axis: Axis) -> None:
-        for event in axis.take_events():
-            self.counters.internal_faults += event.kind is exchange_events.INTERNAL_FAULT
-            self.on_event(event)
+            for member in (*axis.peers, axis):
+                for event in member.take_events():
+                    self.counters.internal_faults += event.kind is exchange_events.INTERNAL_FAULT
+                    self.on_event(event)
 
     def _lose(self, transaction: Transaction, code: int, loss: Loss) -> None:
         """Record that a request never reached its drive (M3); a sender that may not write loses nothing."""

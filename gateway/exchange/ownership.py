@@ -100,8 +100,9 @@ class Ownership:
         """Record that a request was sent: its writer continues to hold what it moves."""
         port = transaction.port
         assert port is not None
-        has_stop = has_a_stop(transaction.requests)
-        for request in transaction.requests:
+        requests = transaction.requests
+        has_stop = self._units.have_rules and has_a_stop(requests)
+        for request in requests:
             for command in request.commands:
                 if command.is_empty:
                     continue

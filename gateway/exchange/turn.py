@@ -166,7 +166,8 @@ class Turn:
                 if transaction.added is not None:
                     self.put_on_wire(transaction, transaction.added.pdu, dead.unit_id, now_ns)
                     return
-        if transaction.prefetched is None and not self._deadlines.may_be_late(transaction, now_ns):
+        may_be_late = self._deadlines.may_be_late(transaction, now_ns)
+        if transaction.prefetched is None and not may_be_late:
             path = self._units.path_of(transaction.unit_id, transaction.pdu)
             sent_pdu = None if path is None else path.sent(transaction, now_ns)
             if path is not None and sent_pdu is not None:
@@ -177,15 +178,17 @@ class Turn:
                 return
         if transaction.unit_id not in self._units and self._units.aliases.is_unknown(transaction.unit_id):
             self._count_unknown_unit(transaction.unit_id)
-            if transaction.port is not None:
-                self._silent_units.askers.add((transaction.port.plan.name, transaction.unit_id))
+            assert transaction.port is not None
+            self._silent_units.askers.add((transaction.port.plan.name, transaction.unit_id))
         if not self._ownership.may_move(transaction, now_ns):
             self._transactions.refuse(transaction, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
             return
         for axis in self._units.axes_of(transaction.unit_id):
-            axis.end_silence(is_answer=False)
+            if axis.reach.silent_since_ns is not None:
+                axis.end_silence(is_answer=False)
         try:
-            self._deadlines.check(transaction, now_ns)
+            if may_be_late:
+                self._deadlines.check(transaction, now_ns)
             added, pdu = self._units.next_to_send(transaction, now_ns)
         except RefusedRequestError as refusal:
             self._report_refusal(refusal, now_ns)
