@@ -80,7 +80,9 @@ class Integer(Codec):
 
     def pack(self, raw: Raw) -> bytes:
         """See ``Codec``."""
-        number = self._checked(raw)
+        if type(raw) is not int or not self._smallest <= raw <= self._largest:
+            self._refuse(raw)
+        number = raw
         if not self._is_signed and number > self._largest // 2:
             number -= self._range
         written = BytesWriter()
@@ -92,9 +94,7 @@ class Integer(Codec):
             write_i64_be(written, number)
         return written.getvalue()
 
-    def _checked(self, raw: Raw) -> int:
-        if type(raw) is int and self._smallest <= raw <= self._largest:
-            return raw
+    def _refuse(self, raw: Raw) -> NoReturn:
         limits = f"whole numbers from {self._smallest} to {self._largest}"
         raise RegisterRangeError(refusals.DOES_NOT_FIT.sentence(raw=raw, field=self._name, limits=limits))
 
@@ -137,7 +137,9 @@ class _Words(Integer):
 
     def pack(self, raw: Raw) -> bytes:
         """See ``Codec``."""
-        number = self._checked(raw)
+        if type(raw) is not int or not self._smallest <= raw <= self._largest:
+            self._refuse(raw)
+        number = raw
         low_first = [number >> WORD_BITS * index & WORD_MASK for index in range(self.words - 1)]
         low_first.append(number >> WORD_BITS * (self.words - 1))
         return self._struct.pack(*(low_first if self._low_first else reversed(low_first)))
