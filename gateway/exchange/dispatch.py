@@ -62,6 +62,8 @@ class UnitMaps:
             self._partners[BROADCAST_UNIT_ID] = _partners(grouped)
         self.have_rules = any(unit.has_rules for unit in self._units.values())
         """Whether a frame may mean something other than a position to go to immediately."""
+        self.have_groups = any(axis.member.gantry is not None for axis in axes)
+        """Whether axes move together (M11)."""
         self.broadcast_unit_ids = frozenset(unit_ids) if is_serial else None
         """The mapped unit ids that a broadcast reaches; None: there are no broadcasts."""
         self._paths: list[dict[bytes, FastPath | None]] = [{} for _ in range(UNIT_IDS)]
@@ -130,7 +132,7 @@ class UnitMaps:
             else:
                 frames = self._stops_by_alias(transaction.unit_id, pdu)
                 transaction.is_by_alias = bool(frames)
-            transaction.set_frames(frames)
+            transaction.frames = frames
         return frames
 
     def _stops_by_alias(self, unit_id: int, pdu: bytes) -> tuple[DecodedRequest, ...]:
@@ -195,19 +197,21 @@ class UnitMaps:
             transaction.knowledge() if self.have_rules else transaction.prefetched or NOTHING_PREFETCHED
         )
         requests = []
+        arrived_ns, follows_ns = transaction.arrived_ns, transaction.follows_ns
         for frame in frames:
-            for axis in frame.unit.axes:
-                settle_group(axis, now_ns)
-            arrived_ns, follows_ns = transaction.arrived_ns, transaction.follows_ns
+            if self.have_groups:
+                for axis in frame.unit.axes:
+                    settle_group(axis, now_ns)
             requests.append(understand(frame, prefetched, now_ns, arrived_ns, follows_ns))
         has_stop = self.have_rules and has_a_stop(requests)
-        for i, request in enumerate(requests):
+        for i, request in enumerate(requests if self.have_groups else ()):
             if settle_groups(request, has_stop=has_stop):
                 requests[i] = understand(request.frame, prefetched, now_ns, arrived_ns, follows_ns)
         requests = [each for each in requests if each.frame.access is not NO_ACCESS or each.commands]
-        added = None if has_stop else next_of_groups(requests)
-        if added is not None:
-            return added, b""
+        if self.have_groups and not has_stop:
+            added = next_of_groups(requests)
+            if added is not None:
+                return added, b""
         for request in requests:
             if has_stop:
                 run_beside_stop(request)

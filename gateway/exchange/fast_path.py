@@ -78,7 +78,7 @@ class ReadPath(FastPath):
         readbacks = [
             None if read.axis.reads_unchanged else read.axis.compensation.readback for read in self._reads
         ]
-        transaction.set_readbacks(readbacks)
+        transaction.readbacks = readbacks
         return transaction.pdu
 
     def answered(self, transaction: Transaction, reply: bytes, now_ns: int) -> bytes | None:
@@ -245,7 +245,7 @@ class WritePath(FastPath):
     def write_ahead(self, transaction: Transaction, target: SteadyTarget) -> None:
         """A target is sent next: record what must survive a kill."""
         axis = self._axis
-        transaction.carry(self, target)
+        transaction.path, transaction.target = self, target
         if self._recall.record is not None and not axis.send_steady(target):
             axis.send_target(transaction.rendering())
 

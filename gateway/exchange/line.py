@@ -241,7 +241,7 @@ class LineExchange:
         if self.link_state.is_stopping and not self._stops(transaction):
             return
         if self._odd_units and unit_id in self._odd_units and is_odd_request(pdu):
-            transaction.become_odd()
+            transaction.is_odd = True
         if port.gate is not None:
             denial = self._admission.denial(transaction, transaction.arrived_ns)
             if denial is not None:
@@ -303,7 +303,7 @@ class LineExchange:
         else:
             self._scheduler.gaps.is_watching |= not transaction.is_motion
             if self.link_state.holds_up:
-                transaction.hold_up()
+                transaction.is_held_up = True
             is_behind = self._waiting.has(port)
             self._waiting.add(transaction)
             # A request behind another one of its controller changes nothing for those that wait. But a stop
@@ -327,7 +327,7 @@ class LineExchange:
         assert port is not None
         self._admission.report(transaction, denial, now_ns)
         if self._is_behind(port) and not port.is_serial and not self._waiting.is_full(port, 2):
-            transaction.deny()
+            transaction.is_denied = True
             self._waiting.add(transaction)
         else:
             self._admission.refuse(transaction, denial, now_ns)
@@ -339,7 +339,7 @@ class LineExchange:
             self._turn.abort(current, ForwardEvent.OVERTAKEN, now_ns)
         self._scheduler.overtake(stop, stops, now_ns)
         if not self.link_state.is_up or self.rest.is_opening:
-            stop.hold_up()
+            stop.is_held_up = True
         if not self._scheduler.add_stop(stop, now_ns):
             self._transactions.refuse(stop, ExceptionCode.SERVER_DEVICE_BUSY, now_ns, loss=None)
         self._turn.next(now_ns)

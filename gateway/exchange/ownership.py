@@ -4,7 +4,7 @@ A refused frame is a loss only for its sender: the axis continues for the writer
 effect when the sender takes the axis over (M3).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Final, NamedTuple
 
 from gateway.catalogue import exchange_events
@@ -83,15 +83,15 @@ class Ownership:
             if axis.hold.is_shared or axis.hold.writer in ("", port.writer):
                 axis.forget_parts()
 
-    def may_move(self, transaction: Transaction, now_ns: int) -> bool:
+    def may_move(self, transaction: Transaction, axes: Iterable[Axis], now_ns: int) -> bool:
         """Return whether other writers allow a request to be sent; if so, its writer takes over its axes.
 
-        Stops always may, and take nothing over (M3).
+        ``axes``: those that it reaches. Stops always may, and take nothing over (M3).
         """
         port = transaction.port
         assert port is not None
         writer = port.writer
-        for axis in self._units.axes_of(transaction.unit_id):
+        for axis in axes:
             if axis.hold.writer != writer or axis.hold.overwritten_by:
                 return self._may_take(transaction, port, now_ns)
         return True

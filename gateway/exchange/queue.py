@@ -80,7 +80,7 @@ class WaitingQueue:
         """Queue a frame of the gateway, if there is one."""
         if frame is not None:
             transaction = Transaction(None, 0, frame.axis.plan.unit_id, frame.pdu, now_ns)
-            transaction.need(frame)
+            transaction.added = frame
             self.add(transaction)
 
     @property

@@ -155,6 +155,8 @@ class Scheduler:
 
     def has_due_stop(self, now_ns: int) -> bool:
         """Whether a waiting stop goes next; one that is to be repeated may wait for longer."""
+        if not self._waiting.has_stops:
+            return False
         rests = self._rest.until_ns is not None
         return any(rests or self._from_ns(stop, now_ns) <= now_ns for stop in self._waiting.stops)
 
@@ -286,7 +288,7 @@ class Scheduler:
             if dead is not None:
                 dead.try_again(now_ns)
             own = Transaction(None, 0, unit_id, read.pdu, now_ns)
-            own.need(read)
+            own.added = read
             break
         self.wake_at(until_ns)
         return own
@@ -312,7 +314,7 @@ class Scheduler:
             self._transactions.overtaken(transaction, OVERTAKEN, now_ns)
         current = self._transactions.current
         if current and current.phase is Phase.PREREQUISITE and is_overtaken(current):
-            current.overtake(OVERTAKEN)
+            current.overtaken_by = OVERTAKEN
         only_stops = self._units.only_stops(frames)
         event = StopEvent.FOUND if only_stops else StopEvent.FOUND_WITH_MORE
         self._transactions.stop_goes_on(stop, event)

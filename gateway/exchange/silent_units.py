@@ -511,7 +511,7 @@ class SilentUnits:
             self.answer_for(transaction, now_ns)
             return False
         dead.try_again(now_ns)
-        transaction.need(read)
+        transaction.added = read
         if read is None:
             for axis in axes:
                 axis.end_silence(is_answer=False, until_ns=now_ns)

@@ -268,14 +268,15 @@ class Transaction:
     is_by_alias = False
     """It stops axes under another unit id than theirs: what its reply says is not certain of any of them."""
     is_odd = False
-    """Its length does not fit its function code, and it is for a device that may accept that."""
+    """Its length does not fit its function code, and it is for a device that may accept that. It counts as a
+    write."""
     is_held_up = False
     """It waited for the link to the drives, which its controller cannot know (``leave_by_ns``)."""
     overtaken_by = ""
     """Why it must not be sent any more, although its controller waits for it."""
     stopping = _NO_STOP
     added: AddedFrame | None = None
-    """A frame of the gateway that is sent before it, or alone."""
+    """A frame of the gateway that is sent before it, or alone; None: none, or none any more."""
     frames: tuple[DecodedRequest, ...] | None = None
     """Its content, parsed for each unit that it reaches; None: not parsed yet."""
     prefetched: Prefetched | None = None
@@ -326,10 +327,6 @@ class Transaction:
             self._requests = (self.path.request(self),)
         return self._requests
 
-    def set_frames(self, frames: tuple[DecodedRequest, ...]) -> None:
-        """Set its parsed content."""
-        self.frames = frames
-
     def set_requests(self, requests: tuple[Request, ...]) -> None:
         """Set what is sent for it."""
         self._requests = requests
@@ -339,14 +336,6 @@ class Transaction:
         if self.prefetched is None:
             self.prefetched = Prefetched()
         return self.prefetched
-
-    def become_odd(self) -> None:
-        """Mark it as an odd frame: it counts as a write."""
-        self.is_odd = True
-
-    def deny(self) -> None:
-        """Mark it as refused; it is answered in its turn."""
-        self.is_denied = True
 
     @property
     def waits_for_silence(self) -> bool:
@@ -390,37 +379,13 @@ class Transaction:
             self.queue_ns = now_ns - self.arrived_ns
         self.started_ns = now_ns
 
-    def need(self, frame: AddedFrame | None) -> None:
-        """Set the frame of the gateway that it needs first; None: none any more."""
-        self.added = frame
-
     def begin_anew(self) -> None:
         """Something else goes first: its prerequisites are determined and read again at its next turn."""
         self.prefetched = Prefetched()
 
-    def carry(self, path: FastPath, target: SteadyTarget) -> None:
-        """Set its target on a fast path."""
-        self.path, self.target = path, target
-
-    def take(self, path: FastPath) -> None:
-        """Set the fast path on which it is sent."""
-        self.path = path
-
-    def set_readbacks(self, readbacks: Sequence[Readback | None]) -> None:
-        """Set how the positions that it reads on a fast path are converted back."""
-        self.readbacks = readbacks
-
-    def hold_up(self) -> None:
-        """It waits for the link to the drives."""
-        self.is_held_up = True
-
     def excuse(self, span_ns: int) -> None:
         """Exclude this much of its waiting time from all deadlines."""
         self.excused_ns += span_ns
-
-    def overtake(self, why: str) -> None:
-        """It must not be sent any more, although its controller waits for it."""
-        self.overtaken_by = why
 
     def give_up(self) -> None:
         """Its controller does not wait for it any more: a reply is processed and then dropped."""
@@ -435,7 +400,7 @@ class Transaction:
 
         A stop is sent all the same, because an extra stop does no harm.
         """
-        if self.is_stop:
+        if self.stopping is not _NO_STOP:
             return ""
         if self.is_orphan:
             return "its controller gave up on it"

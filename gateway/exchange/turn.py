@@ -171,7 +171,7 @@ class Turn:
             path = self._units.path_of(transaction.unit_id, transaction.pdu)
             sent_pdu = None if path is None else path.sent(transaction, now_ns)
             if path is not None and sent_pdu is not None:
-                transaction.take(path)
+                transaction.path = path
                 self.put_on_wire(transaction, sent_pdu, transaction.unit_id, now_ns)
                 if transaction.target is not None:
                     path.left(transaction)
@@ -180,10 +180,11 @@ class Turn:
             self._count_unknown_unit(transaction.unit_id)
             assert transaction.port is not None
             self._silent_units.askers.add((transaction.port.plan.name, transaction.unit_id))
-        if not self._ownership.may_move(transaction, now_ns):
+        axes = self._units.axes_of(transaction.unit_id)
+        if not self._ownership.may_move(transaction, axes, now_ns):
             self._transactions.refuse(transaction, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
             return
-        for axis in self._units.axes_of(transaction.unit_id):
+        for axis in axes:
             if axis.reach.silent_since_ns is not None:
                 axis.end_silence(is_answer=False)
         try:
@@ -195,7 +196,7 @@ class Turn:
             loss = Loss.TOO_EARLY if refusal.is_too_early else Loss.DENIED
             self._transactions.refuse(transaction, refusal.code, now_ns, loss=loss)
             return
-        transaction.need(added)
+        transaction.added = added
         if added is not None:
             self.put_on_wire(transaction, added.pdu, added.axis.plan.unit_id, now_ns)
             return
@@ -261,7 +262,7 @@ class Turn:
             self._transactions.refuse_absent(transaction, now_ns)
         is_lost = bool(self._link_state.lost)
         for transaction in self._waiting:
-            transaction.hold_up()
+            transaction.is_held_up = True
             if is_lost and transaction.prefetched is not None:
                 transaction.begin_anew()
         self.next(now_ns)

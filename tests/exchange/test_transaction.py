@@ -98,7 +98,7 @@ class Line:
         """Return a transaction in a phase; the frames sent for it are forgotten."""
         transaction = Transaction(self.port, 1, 1, PDU, 0)
         if phase is Phase.PREREQUISITE:
-            transaction.need(read_word(Axis(axis_plan()), 0x10))
+            transaction.added = read_word(Axis(axis_plan()), 0x10)
             self.send(transaction, Step.ADDED_FRAME)
         elif phase is Phase.LEAVING:
             self.transactions.begin(transaction)
@@ -329,7 +329,7 @@ def test_a_transaction_that_was_not_sent_is_on_the_wire_to_its_own_unit() -> Non
 def test_the_content_is_parsed_again_when_a_forwarded_request_is_whole() -> None:
     line = Line()
     transaction = line.a_transaction(Phase.LEAVING)
-    transaction.set_frames(())
+    transaction.frames = ()
     assert transaction.frames == ()
     line.transactions.come_whole(transaction, line.port, PDU, 5)
     assert transaction.frames is None

@@ -63,7 +63,7 @@ class ForwardingLine:
         if sent_pdu is not None:
             if self._tap is not None:  # recorded as a stored request would be
                 self._tap.request(port, transaction.transaction_id, transaction.unit_id, pdu, now_ns)
-            transaction.take(path)
+            transaction.path = path
         return sent_pdu
 
     def forward_last(self, transaction: Transaction, pdu: bytes, piece: bytes, now_ns: int) -> None:
