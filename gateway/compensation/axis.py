@@ -263,8 +263,9 @@ class AxisCompensation:
     def observe(self, actual_counts: Counts) -> None:
         """Take the drive's actual position: a fade begins there, and one that has ended there is over."""
         self._actual_counts = actual_counts
-        if self.readback.is_faded_out(actual_counts):
-            self._readback = self.readback.without_fade()
+        readback = self.readback
+        if readback.is_faded_out(actual_counts):
+            self._readback = readback.without_fade()
 
     def again(self) -> Move:
         """Return the last accepted target as a move: the same correction, and no change of state."""
@@ -291,7 +292,8 @@ class AxisCompensation:
         """
         position = self.machine_position(nominal_counts)
         state = self._stream(position, now_ns) if self.is_stream else self._target(position, estimate, now_ns)
-        self._check_covered(state, position)
+        if self._refuses_outside:
+            self._check_covered(state, position)
         correction_map = self.map_of(state)
         correction = correction_map.correction(position)
         # Without a requested correction only a constant offset is left: the axis position is unknown.
@@ -630,7 +632,7 @@ class AxisCompensation:
 
     def _check_covered(self, state: State, position: float) -> None:
         curve = state.spec.curve
-        if self._refuses_outside and curve and not curve.covers(position):
+        if curve and not curve.covers(position):
             first, last = curve.table.first, curve.table.last
             raise OutOfTableError(refusals.OUTSIDE_TABLE.sentence(position=position, first=first, last=last))
 

@@ -365,15 +365,14 @@ def _prepare_targets(request: Request, command: AxisCommand) -> list[tuple[Field
                 continue
             name = axis.plan.name
             raise RefusedRequestError(ExceptionCode.SERVER_DEVICE_FAILURE, name, str(error)) from error
-        is_complete = _is_complete(hit, access)
         if rendering is None:  # a distance passes unchanged, and its end is unknown
             command.stagings.append(Staging(image, words, words, image.epoch))
             command.go_anywhere()
-            if not is_complete:
+            if not _is_complete(hit, access):
                 changed.append((hit, words))
             continue
         command.targets.append(rendering)
-        if not (axis.passes_unchanged and is_complete) or rendering.corrected_words != words:
+        if rendering.corrected_words != words or not (axis.passes_unchanged and _is_complete(hit, access)):
             changed.append((hit, rendering.corrected_words))
     for hit, words, is_run in command.writes:
         if not is_run:
