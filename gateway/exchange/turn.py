@@ -176,11 +176,11 @@ class Turn:
                 if transaction.target is not None:
                     path.left(transaction)
                 return
-        if transaction.unit_id not in self._units and self._units.aliases.is_unknown(transaction.unit_id):
+        axes = self._units.axes_of(transaction.unit_id)
+        if not axes and self._units.aliases.is_unknown(transaction.unit_id):
             self._count_unknown_unit(transaction.unit_id)
             assert transaction.port is not None
             self._silent_units.askers.add((transaction.port.plan.name, transaction.unit_id))
-        axes = self._units.axes_of(transaction.unit_id)
         if not self._ownership.may_move(transaction, axes, now_ns):
             self._transactions.refuse(transaction, ExceptionCode.SERVER_DEVICE_BUSY, now_ns)
             return

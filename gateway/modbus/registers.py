@@ -50,6 +50,10 @@ class RegisterType(Enum):
     INT64 = "int64"
     FLOAT32 = "float32"
 
+    def __init__(self, name: str) -> None:
+        self.is_float = name == "float32"
+        """Whether raw values are floating point numbers."""
+
     @property
     def words(self) -> int:
         """Number of registers of the type.
@@ -58,11 +62,6 @@ class RegisterType(Enum):
         3
         """
         return codec_of(self.value, low_first=False).words
-
-    @property
-    def is_float(self) -> bool:
-        """Whether raw values are floating point numbers."""
-        return self is RegisterType.FLOAT32
 
 
 class FieldAccess(Enum):
@@ -85,8 +84,11 @@ class BitTable(Enum):
 class _WithCodec:
     """Holds the codec of a field, besides its description."""
 
-    __slots__ = ("_codec",)
-    _codec: Codec
+    __slots__ = ("codec", "words")
+    codec: Codec
+    """Packs and unpacks its raw values."""
+    words: int
+    """Number of registers of the field."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,8 @@ class PositionField(_WithCodec):
 
     def __post_init__(self) -> None:
         codec = codec_of(self.type.value, low_first=self.order is WordOrder.LOW_FIRST)
-        object.__setattr__(self, "_codec", codec)
+        object.__setattr__(self, "codec", codec)
+        object.__setattr__(self, "words", codec.words)
         if not 0 <= self.address <= ADDRESSES - codec.words:
             last = ADDRESSES - codec.words
             raise RegisterFieldError(f"address {self.address} of an {self.type.value} is not in 0 … {last}")
@@ -123,11 +126,6 @@ class PositionField(_WithCodec):
 
     def __reduce__(self) -> "tuple[Callable[..., PositionField], tuple[object, ...]]":
         return PositionField, tuple(getattr(self, each.name) for each in fields(self))
-
-    @property
-    def codec(self) -> Codec:
-        """Packs and unpacks its raw values."""
-        return self._codec
 
     def step_counts(self, largest_counts: float) -> float:
         """Return the smallest step that the field can show, in counts, up to ``largest_counts``.
@@ -149,14 +147,9 @@ class PositionField(_WithCodec):
         return self.access is not FieldAccess.WRITE and self.block in (None, self.address)
 
     @property
-    def words(self) -> int:
-        """Number of registers of the field."""
-        return self._codec.words
-
-    @property
     def end(self) -> int:
         """The first address after the field."""
-        return self.address + self._codec.words
+        return self.address + self.words
 
     @property
     def is_high_first_pair(self) -> bool:
@@ -169,7 +162,7 @@ class PositionField(_WithCodec):
 
         Raises RegisterDataError if ``data`` ends inside the field. A float32 may be NaN or infinite.
         """
-        return self._codec.unpack(data, offset)
+        return self.codec.unpack(data, offset)
 
     def pack(self, raw: Raw) -> bytes:
         """Return the bytes of a raw value in the order of the wire.
@@ -177,7 +170,7 @@ class PositionField(_WithCodec):
         Raises RegisterRangeError if the field cannot hold it: out of range, not finite, a fraction for an
         integer, a bool.
         """
-        return self._codec.pack(raw)
+        return self.codec.pack(raw)
 
 
 @dataclass(frozen=True, slots=True)
