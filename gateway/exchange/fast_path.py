@@ -256,7 +256,8 @@ class WritePath(FastPath):
             return False  # another writer moved the axis last, or no writer has
         if not axis.compensation.is_steady:
             return False
-        for reach, recall in self._watched:  # what has happened must be checked before the next target
+        # After any of these, the slow path checks the next target.
+        for reach, recall in self._watched:
             record = recall.record
             if reach.silent_since_ns is not None or (record is not None and record.saved is not None):
                 return False
