@@ -15,12 +15,13 @@ from gateway.drives.motion import MotionPlan, TriggerPlan
 from gateway.exchange.axis.gantry import GANTRY_AFTER, GantryEvent, GantryState
 from gateway.exchange.commands import ClearTable, Disable, EndDryRun, SetTable, TableFor
 from gateway.exchange.control import ControlError
-from gateway.exchange.plan import CompensationMode, Reference
+from gateway.exchange.plan import CompensationMode, ControllerPlan, Reference
 from gateway.exchange.status import axis_status
 from gateway.modbus.registers import PositionField
 from tests.exchange.gantry_bench import STATUS_PDU, GantryBench
-from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, axis_plan, read, stream_plan, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, axis_plan, read, stream_plan, write
 from tests.exchange.staged_bench import (
+    ALARM_BIT,
     BITS,
     DEEDS,
     HOME_PDU,
@@ -519,6 +520,19 @@ def test_a_high_word_uses_the_decision_of_its_low_word_for_200_ms(ms: int, end: 
     assert bench.ends() == [end, end]
 
 
+def test_an_alarm_between_the_words_of_a_target_begins_a_new_round() -> None:
+    """y1 has stopped anywhere: the high word belongs to no target that it goes to."""
+    bench = GantryBench(*(axis_plan(name=f"y{unit}", unit_id=unit, bits=BITS) for unit in (1, 2)))
+    bench.write_all(50_000)
+    bench.to(1, bytes.fromhex("06 0606 EA60"))
+    assert bench.ends() == [60_010, 50_010]
+    bench.switch(is_on=False)
+    bench.drives[1].words[STATUS] |= 1 << ALARM_BIT
+    bench.to(1, STATUS_PDU)
+    bench.to(1, bytes.fromhex("06 0607 0000"))
+    assert bench.write(2, 60_000) == [60_000, 60_000]
+
+
 def test_a_whole_target_after_a_masked_write_begins_a_new_round() -> None:
     """C350, its low byte masked to 60: 50 016."""
     bench = movers()
@@ -769,6 +783,43 @@ def test_the_first_trigger_is_refused_if_another_axis_lost_its_target_while_posi
     assert bench.ends() == [50_010, 50_010]
     bench.stage_all(60_000)
     assert bench.run(1, 2) == [60_010, 60_010]
+
+
+def test_in_a_dry_run_staged_targets_that_cannot_be_computed_run_as_they_came() -> None:
+    """150 mm is beyond the travel, which is checked only for an axis that is corrected."""
+    bench = GantryBench(compensation=CompensationMode.SHADOW, travel=(0.0, 100.0))
+    bench.stage_all(150_000)
+    bench.log.clear()
+    assert bench.run(1, 2) == [150_000, 150_000]
+    assert bench.log == [(1, "06 05 0e 00 01"), (2, "06 05 0e 00 01")]
+
+
+def test_the_staged_target_of_another_axis_is_rendered_once_for_a_trigger() -> None:
+    """y2 was seen less than 20 ms before the trigger, and more before its rewritten target was acknowledged.
+
+    It is not read again. With half the gain 30 000 is 29 995, from above.
+    """
+    bench = gantry(max_speed=20.0, fresh_ms=20.0)
+    bench.stage_all(60_000)
+    bench.run(1, 2)
+    bench.drives[1].arrive()
+    bench.wait(1_000)
+    bench.poll(STATUS_PDU, read(ACTUAL))
+    bench.stage_all(30_000)
+    bench.gain(0.5)
+    bench.drives[2].pass_by(55_000)
+    bench.to(2, read(ACTUAL))
+    seen = bench.line.axes[1].motion.actual
+    assert seen is not None
+    bench.now_ns = seen.seen_ns + int(19.1 * MS)
+    bench.log.clear()
+    assert bench.run(1, 2) == [29_995, 29_995]
+    assert bench.log == [
+        (2, "10 06 06 00 02 04 75 2b 00 00"),
+        (1, "10 06 06 00 02 04 75 2b 00 00"),
+        (1, "06 05 0e 00 01"),
+        (2, "06 05 0e 00 01"),
+    ]
 
 
 # --- targets of before a loss ------------------------------------------------------------------------------
@@ -1171,6 +1222,15 @@ def test_no_target_is_written_to_a_stopped_mover_for_another_axis() -> None:
     bench.log.clear()
     bench.write(1, 53_000)
     assert [frame for unit_id, frame in bench.log if unit_id == 2 and frame[:2] == "10"] == []
+
+
+def test_a_mover_that_was_taken_over_holds_up_no_other() -> None:
+    """The words of the former writer are void. Each axis waits for none of the others: one must be first."""
+    bench = movers()
+    bench.wait(60_000)
+    bench.port = Port(ControllerPlan("panel"))
+    assert bench.write(1, 60_000) == [60_010, 50_010]
+    assert bench.write(2, 60_000) == [60_010, 60_010]
 
 
 @pytest.mark.parametrize("stopped", [1, 2])
