@@ -12,10 +12,21 @@ from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.plan import AxisPlan, Reference
 from gateway.modbus.registers import BitField
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, axis_plan, read, stream_plan, write
+from tests.exchange.line_bench import (
+    ACTUAL,
+    COMMAND,
+    MS,
+    Bench,
+    axis_plan,
+    monitor,
+    read,
+    stream_plan,
+    write,
+)
 from tests.exchange.record_bench import RecordBench, Records
 from tests.exchange.staged_bench import (
     COMMANDED,
+    RUN_PDU,
     RUN_RELATIVE_PDU,
     STAGED,
     STATUS,
@@ -133,6 +144,19 @@ def test_a_repeat_on_the_wire_does_not_change_what_the_record_restores(bits: dic
     assert axis_of(again).compensation.accepted == (50_000, 50_010)
 
 
+def test_m1_a_half_after_a_restart_is_completed_from_the_drive_if_a_half_was_lost_before() -> None:
+    """The record does not know what the drive holds. 60 000 is EA60, and is sent as 60 010."""
+    bench = at_50_mm()
+    bench.send(read(ACTUAL), monitor())
+    bench.send(bytes.fromhex("06 0606 0001"))
+    bench.line.controller_gone(bench.port, bench.now_ns)
+    again = bench.restarted()
+    again.seen.clear()
+    half = bytes.fromhex("06 0606 EA60")
+    assert again.ask(half) == half
+    assert again.seen == [read(COMMAND), write(COMMAND, 60_010)]
+
+
 def test_a_record_that_was_not_used_is_not_used_in_a_later_run_either() -> None:
     bench = at_50_mm()
     bench.memory.put(ACTUAL, 70_000)
@@ -174,28 +198,45 @@ def test_a_stream_waits_for_its_homed_bit_before_its_record_counts() -> None:
     assert again.kinds()[-1] == "restored"
 
 
-def test_a_stream_that_lost_its_reference_keeps_only_its_correction_in_force() -> None:
-    """Its homed bit is clear after the kill: positions pass 1:1, and the correction in force fades out."""
-    bench = RecordBench(stream_plan(referenced=Reference.DRIVE_BIT, bits=BITS))
+def stream_without_reference(**changes: Any) -> RecordBench:
+    """A stream up to 23 950, the gateway killed, its homed bit clear after that, and its record used."""
+    bench = RecordBench(stream_plan(referenced=Reference.DRIVE_BIT, bits=BITS, **changes))
     bench.memory.words[STATUS_WORD] = HOMED
     for counts in range(20_000, 24_000, 50):
         bench.ask(write(COMMAND, counts))
         bench.memory.put(ACTUAL, bench.memory.get(COMMAND))
         bench.ask(read(ACTUAL))
         bench.now_ns += 10_000_000
-    assert bench.memory.get(COMMAND) == 23_960
     bench.memory.words[STATUS_WORD] = 0
     again = bench.restarted()
     report(again, 0)
     again.actual()
     assert "restored" in again.kinds()
     assert axis_of(again).motion.state is MotionState.STOPPED
+    return again
+
+
+def test_a_stream_that_lost_its_reference_keeps_only_its_correction_in_force() -> None:
+    """Its homed bit is clear after the kill: positions pass 1:1, and the correction in force fades out."""
+    again = stream_without_reference()
+    assert again.memory.get(COMMAND) == 23_960
     offsets = []
     for counts in range(23_950, 26_000, 50):
         again.ask(write(COMMAND, counts))
         offsets.append(again.memory.get(COMMAND) - counts)
         again.memory.put(ACTUAL, again.memory.get(COMMAND))
     assert (offsets[0], offsets[-1]) == (10, 0)
+
+
+def test_a_stream_that_lost_its_reference_keeps_the_offset_of_its_last_setpoint() -> None:
+    """The table has 0.5 % of the position: 119.75 there. Half of it is left after half of the 2 mm."""
+    table = make_table([0, 100], [0.0, 0.5], [0.0, 0.5], Units.MM)
+    again = stream_without_reference(table=table, reload_distance=2.0)
+    assert again.memory.get(COMMAND) == 24_070
+    for counts in range(23_950, 24_951, 50):
+        again.ask(write(COMMAND, counts))
+        again.memory.put(ACTUAL, again.memory.get(COMMAND))
+    assert again.memory.get(COMMAND) == 25_010
 
 
 # === a distance or a target that was not seen acknowledged ===============================================
@@ -396,6 +437,21 @@ def test_m5_the_direction_is_unknown_if_the_machine_was_switched_off_meanwhile()
     assert not unsure(started)
 
 
+def test_m5_after_a_power_cycle_no_reading_counts_before_done_drop_ms_have_passed_since_the_start() -> None:
+    """The clock of another boot says nothing of when the distance was sent, 1.3 s before the start."""
+    bench, records = killed(runs=False)
+    for buffer in records.buffers.values():
+        buffer[42:58] = bytes(16)  # the boot
+    started = again(bench, records, 1_300)
+    for after_ms, is_still_open in ((0, True), (900, True), (200, False)):
+        started.wait(after_ms)
+        started.poll()
+        for _ in range(2):
+            started.actual()
+        assert is_open(started) is is_still_open
+    assert started.accepted == (50_000, START)
+
+
 def test_m5_ends_nearer_than_two_windows_prove_nothing() -> None:
     """30 counts there and 20 more for the branch are 50, in windows of 26 counts to both sides."""
     bench, records = killed(distance=-30, in_position=0.026)
@@ -430,6 +486,23 @@ def test_m5_the_start_of_a_distance_after_a_stop_is_unknown() -> None:
     started.wait(1_100)
     started.trigger(RUN_RELATIVE_PDU)
     assert unsure(started)
+
+
+def test_m5_a_distance_begins_where_the_drive_has_stopped_on_its_way_to_the_target_on_the_wire() -> None:
+    """From 50 mm back to 20 mm: 35 000 there is 35 010. 5 mm more are 40 010, and forward 40 020."""
+    bench = StagedBench(staged_plan(), before_up=(records := Records()).attach)
+    bench.go_to(50_000)
+    bench.stage(20_000)
+    bench.send(RUN_PDU)
+    bench.serve_reads()
+    assert bench.link.sent == [(1, RUN_PDU)]
+    bench.memory.answer(RUN_PDU)
+    bench.drive.stand_at(35_000)
+    started = again(bench, records, 1_300)
+    assert started.actual() == 35_010
+    started.wait(1_100)
+    assert started.run(5_000, RUN_RELATIVE_PDU) == ("relative", 40_020.0)
+    assert not unsure(started)
 
 
 def test_m5_a_second_kill_restores_the_same_as_the_first() -> None:

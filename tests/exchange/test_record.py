@@ -517,6 +517,23 @@ def test_a_stop_keeps_the_way_in_the_record_and_removes_the_target() -> None:
     assert records.read() is None
 
 
+def test_a_stop_after_a_target_that_was_not_acknowledged_ends_the_record_before_it_is_sent() -> None:
+    """It ends one of two ways, and a record has room for a target on the wire, not for a stop as well."""
+    bench, records = staged()
+    bench.stage(20_000)
+    bench.send(RUN_PDU)
+    bench.serve_reads()
+    assert bench.link.take() == RUN_PDU
+    bench.wait(1_001)  # nobody answers
+    bench.wait(1_001)  # the line is silent
+    record = said(records)
+    assert record.unacknowledged is not None
+    assert record.unacknowledged.nominal_counts == 20_000
+    bench.send(STOP_PDU)
+    assert bench.link.take() == STOP_PDU
+    assert records.read() is None
+
+
 @pytest.mark.parametrize("is_answered", [False, True])
 def test_a_distance_begins_where_a_stop_has_ended_the_way_before_a_kill(is_answered: bool) -> None:
     """M5: from 50 mm (50,010) to 20 mm (19,990), and stopped half-way at 35,000. Half of the difference has
