@@ -9,6 +9,7 @@ from gateway.compensation.units import Units
 from gateway.drives.motion import Action
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.axis.reach import READABILITY_AFTER
+from gateway.exchange.commands import SetGain
 from gateway.exchange.control import switch
 from gateway.exchange.plan import ControllerPlan, Late, LineTiming, Reference
 from gateway.modbus.registers import BitField
@@ -631,6 +632,27 @@ def test_m7_exception_1_proves_that_nothing_was_written() -> None:
     assert bench.actual() == 60_000
     assert bench.reach(60_010) == 60_420
     assert not unsure(bench)
+
+
+def test_m7_an_unanswered_target_with_the_words_of_the_one_before_is_proven_by_its_arrival() -> None:
+    """50 000 is 50 010, and so is 50 005 with half the gain: the drive goes there in any case."""
+    bench = Bench(axis_plan())
+    bench.move(20_000)
+    assert bench.command(50_000) == 50_010
+    bench.memory.put(ACTUAL, 30_000)
+    bench.actual()
+    bench.line.command(SetGain(axes=("x",), forward=0.5, backward=0.5), bench.now_ns)
+    bench.send(write(COMMAND, 50_005))
+    bench.serve_reads()
+    assert bench.link.take() == write(COMMAND, 50_010)
+    bench.wait(1_001)  # nobody answers
+    bench.wait(1_001)  # the line is silent
+    bench.port.replies.clear()
+    readings = []
+    for counts in (40_000, 50_010):
+        bench.memory.put(ACTUAL, counts)
+        readings.append(bench.actual())
+    assert readings == [39_990, 50_005]
 
 
 # --- sequences that several rules have a part in ---------------------------------------------------------
