@@ -1,11 +1,13 @@
 """A request waits for the silence that the wire needs: it can be withdrawn, and no late frame answers it."""
 
+from typing import Any
+
 import pytest
 
 from gateway.catalogue import exchange_events
-from gateway.exchange.plan import ControllerPlan, Late, LineTiming
+from gateway.exchange.plan import ControllerPlan, Late, LineTiming, Reference
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Link, Port, axis_plan, monitor, read, write
-from tests.exchange.staged_bench import RUN_PDU, STOP_PDU, StagedBench, staged_plan
+from tests.exchange.staged_bench import BITS, RUN_PDU, STOP_PDU, StagedBench, staged_plan
 from tests.exchange.test_arbitration import MOTION, WATCH, Plant, watching
 
 OTHER = bytes.fromhex("03 0700 0001")
@@ -109,12 +111,19 @@ HALF = bytes.fromhex("06 0606 8009")
 
 
 def beside_a_staged_drive(
-    *, connects: bool = False, timing: LineTiming | None = None
+    *, connects: bool = False, stays: bool = False, timing: LineTiming | None = None, **changes: Any
 ) -> tuple[Bench, Port, bytes]:
-    """A line with two drives, in which the position behind :data:`HALF` has just been read."""
+    """A line with two drives, in which the position behind :data:`HALF` has just been read.
+
+    ``stays``: the connection was seen to stay after an answer. ``changes``: of the second axis.
+    """
     link = Link()
     link.connects = connects
-    bench = Bench(axis_plan(), staged_plan(name="y", unit_id=2), link=link, timing=timing)
+    bench = Bench(axis_plan(), staged_plan(name="y", unit_id=2, **changes), link=link, timing=timing)
+    if stays:
+        for unit_id in (1, 2):
+            bench.ask(OTHER, unit_id=unit_id)
+            bench.wait(30)
     bench.memory.put(COMMAND, 0x00018005)
     bench.send(HALF)
     [(_, asked)] = bench.link.sent
@@ -167,6 +176,43 @@ def test_a_prerequisite_is_read_again_after_a_lost_link() -> None:
     bench.line.link_up(bench.now_ns)
     bench.wait(SILENCE_MS)
     assert (1, asked) in bench.link.sent
+
+
+def test_a_prerequisite_is_read_again_after_a_connection_that_blinked() -> None:
+    bench, _, asked = beside_a_staged_drive(connects=True, stays=True)
+    bench.line.link_down(bench.now_ns, is_orderly=True)
+    bench.wait(SILENCE_MS)
+    bench.line.link_up(bench.now_ns)
+    assert bench.link.sent == [(1, asked)]
+
+
+def test_after_a_lost_link_its_first_reads_are_sent_before_what_was_next() -> None:
+    bench, _, _ = beside_a_staged_drive(connects=True, stays=True, referenced=Reference.DRIVE_BIT)
+    bench.line.link_down(bench.now_ns)
+    bench.wait(SILENCE_MS)
+    bench.line.link_up(bench.now_ns)
+    assert bench.link.sent == [(2, bytes.fromhex("03 005C 0001"))]
+
+
+def test_w5_a_monitor_that_gave_up_behind_its_prerequisite_is_withdrawn_before_motion_is_sent() -> None:
+    """Its read needs the homed bit, which the drive did not tell at the start. Then the process stands still
+    for longer than its timeout_ms."""
+    bench = Bench(axis_plan(referenced=Reference.DRIVE_BIT, bits={"homed": BITS["homed"]}))
+    bench.port.patience_ns = 5_000 * MS
+    bench.line.link_down(bench.now_ns)
+    bench.line.link_up(bench.now_ns)
+    homed = bench.link.take()
+    for _ in range(2):
+        bench.wait(1_001)  # its time-out, then the silence behind it
+    bench.send(read(ACTUAL), monitor())
+    assert bench.link.take() == homed
+    holds(bench)
+    bench.line.reply(1, bench.memory.answer(homed), bench.now_ns)
+    bench.send(OTHER)
+    assert bench.link.sent == []
+    bench.wait(1_001)
+    assert bench.link.sent == [(1, OTHER)]
+    assert bench.kinds()[-1] == "withdrawn"
 
 
 def test_a_monitor_still_gets_the_gap_after_a_motion_exchange() -> None:
@@ -386,6 +432,25 @@ def test_a_stop_that_waits_to_be_repeated_does_not_make_others_read_again_and_ag
         bench.link.sent.clear()
         bench.wait(20)
     assert reads_until_written(bench, gap_ms, 40) <= 2
+
+
+def test_m3_a_stop_that_is_due_when_a_prerequisite_is_answered_is_sent_first() -> None:
+    """Unit 2 left it unanswered; the same stop waits for ``retry_ms``, which end with that answer."""
+    timing = LineTiming(response_timeout_ms=20, retry_ms=1000)
+    plans = (axis_plan(), staged_plan(name="y", unit_id=2))
+    bench = Bench(*plans, serial=False, tcp_drive=True, timing=timing)
+    bench.memory.put(COMMAND, 0x00018005)
+    plc = Port(ControllerPlan("plc", timeout_ms=20))
+    bench.send(STOP_PDU, plc, unit_id=2)
+    bench.link.sent.clear()
+    bench.wait(20)
+    bench.send(STOP_PDU, plc, unit_id=2)
+    bench.wait(999)
+    bench.send(HALF)
+    assert bench.link.take() == read(COMMAND)
+    bench.now_ns += MS
+    bench.line.reply(1, bench.memory.answer(read(COMMAND)), bench.now_ns)
+    assert bench.link.sent == [(2, STOP_PDU)]
 
 
 # --- a wire that is never silent ----------------------------------------------------------------------------

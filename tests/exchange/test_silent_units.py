@@ -1,5 +1,6 @@
 """A unit id that does not answer: the delays for it, its group, and the others on its line (W6, W11)."""
 
+from dataclasses import replace
 from itertools import product
 from typing import Any, Final
 
@@ -57,6 +58,29 @@ def test_w11_after_three_time_outs_a_request_is_answered_immediately(
     assert bench.line.counters.backed_off == 2
     assert bench.line.counters.refused == 0
     assert bench.kinds() == ["line-up", "drive-silent", "drive-backed-off"]
+
+
+def test_w11_reads_at_the_start_end_unsent_once_their_drive_is_dead() -> None:
+    """Four axes on one unit id. The first trial is due with the end of the silence after the third read."""
+    plans = [
+        axis_plan(
+            name=f"y{number}",
+            command=(replace(COMMAND, address=0x0700 + 4 * number),),
+            actual=(replace(ACTUAL, address=0x0702 + 4 * number),),
+            referenced=Reference.DRIVE_BIT,
+            bits={"homed": BitField(0x0060 + number, 0)},
+        )
+        for number in range(4)
+    ]
+    bench = line(*plans, serial=True, retry_ms=50.0)
+    bench.line.link_down(bench.now_ns)
+    bench.line.link_up(bench.now_ns)
+    asked = []
+    for _ in range(20):
+        asked += [pdu.hex(" ") for _, pdu in bench.link.sent]
+        bench.link.sent.clear()
+        bench.wait(50)
+    assert asked == ["03 00 60 00 01", "03 00 61 00 01", "03 00 62 00 01"]
 
 
 def test_w11_two_time_outs_are_not_enough() -> None:

@@ -710,6 +710,20 @@ def test_a_stop_that_does_nothing_to_another_axis_is_sent_early_and_once_more() 
     assert bench.seen == [stop_beside(0), stop_beside(0)]
 
 
+def test_m3_a_target_in_a_stop_that_was_sent_early_is_lost_until_that_is_answered() -> None:
+    place = replace(COMMAND, address=TRIGGER + 1)
+    bench = StagedBench(staged_plan(motion=ONLY_ABSOLUTE, command=(place,)))
+    bench.ask(write(place, 50_000))
+    bench.unanswered(READ_OTHER, 1_001)
+    stop = bytes.fromhex("10 050E 0003 06 03E8") + place.pack(60_000)
+    bench.missed(stop, 1_001)
+    assert bench.kinds()[-1] == "axis-blocked"
+    bench.wait(1_001)  # the silence, after which it is sent once more
+    assert bench.link.sent == [(1, stop)]
+    bench.serve()
+    assert bench.kinds()[-1] == "axis-released"
+
+
 def test_a_stop_after_a_frame_that_runs_its_axis_is_sent_immediately_and_after_that_frame() -> None:
     """M3: y's own stop is sent immediately, and once more after the frame that runs y and waits for the
     silence."""

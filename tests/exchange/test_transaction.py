@@ -35,7 +35,8 @@ from gateway.exchange.unit import FieldHit, UnitMap
 from gateway.modbus.registers import BitField
 from gateway.times import NEVER_NS
 from tests.exchange.axis_bench import WRITE, an_axis, end, kinds, reached, see, target
-from tests.exchange.line_bench import COMMAND, MS, Bench, Link, Port, axis_plan
+from tests.exchange.line_bench import COMMAND, MS, Bench, Link, Port, axis_plan, write
+from tests.exchange.staged_bench import RUN_PDU, StagedBench
 from tests.support.tables import walk
 
 PDU: Final = b"\x03\0\0\0\1"
@@ -299,6 +300,19 @@ def test_a_transaction_with_an_impossible_end_ends_once_and_is_reported(
     faults = 1 + (outcome not in PHASE_AFTER[phase])
     assert line.counters.internal_faults == faults
     assert [each.kind for each in line.events] == [exchange_events.INTERNAL_FAULT] * faults
+
+
+@pytest.mark.usefixtures("in_production")
+def test_m3_a_target_that_was_sent_is_lost_if_its_end_is_impossible() -> None:
+    """The drive may hold it or not, so its trigger is refused."""
+    bench = StagedBench()
+    bench.send(write(COMMAND, 50_000))
+    sent = bench.line._transactions.free_wire()
+    assert sent is not None
+    assert bench.link.take() == write(COMMAND, 50_000)
+    bench.line._transactions.finish(sent, Outcome.NEVER_SENT, bench.now_ns, code=0x0B)
+    assert bench.kinds()[-1] == "internal-fault"
+    assert bench.ask(RUN_PDU) == bytes.fromhex("86 0B")
 
 
 @pytest.mark.usefixtures("in_production")
