@@ -36,7 +36,7 @@ from gateway.recording.tap import RecordingTap
 from gateway.recording.trace_buffer import ANSWERED, REPLY, REQUEST, SENT, TICK
 from tests.exchange.cut_bench import learn
 from tests.exchange.cut_line_bench import CHAR_NS, PLAN, WIRE, Left, PieceLink, PiecePort, Site, frame_of
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Port, read, stream_plan, write
 from tests.exchange.record_bench import Records
 from tests.exchange.staged_bench import STOP_PDU, staged_plan
 from tests.exchange.test_cut_replies import BLOCK, STATUS
@@ -283,6 +283,49 @@ def test_a_request_of_another_controller_waits_for_the_reply_to_a_forwarded_one(
     line.answer(ACKNOWLEDGED)
     line.pass_to(began_ns + 40 * MS)
     assert line.to_drives(began_ns)[0][1] == frame_of(OTHER).hex(" ")
+
+
+def test_a_request_without_a_silence_before_it_is_sent_after_the_reply_to_a_forwarded_one() -> None:
+    line = site()
+    began_ns = line.come(frame_of(NEXT))
+    line.come(frame_of(read(ACTUAL)))
+    assert line.to_drives(began_ns) == WHOLE
+    line.pass_to(began_ns + 40 * MS)
+    line.answer(ACKNOWLEDGED)
+    assert line.to_drives(began_ns) == [(40.0, frame_of(read(ACTUAL)).hex(" "))]
+    assert line.cnc.replies == []  # it has given up on the first one
+
+
+def test_a_controller_holds_its_axis_with_forwarded_setpoints() -> None:
+    """W9: for 100 ms after each of them, also 288 ms after the last stored one."""
+    line = site(stream_plan(table=CURVE, writer_hold_s=0.1))
+    for number in range(12):
+        request = write(COMMAND, 10_040 + 40 * number)
+        began_ns = line.come(frame_of(request))
+        line.pass_to(began_ns + 17 * MS)
+        line.answer(frame_of(request[:5]))
+        line.pass_to(began_ns + 24 * MS)
+    assert line.requests() == {ForwardEvent.COMMITTED: 12}
+    other = Port(ControllerPlan("plc"))
+    line.line.request(other, 1, 1, write(COMMAND, 0), line.bench.now_ns)
+    assert other.take() == bytes.fromhex("90 06")
+
+
+@pytest.mark.parametrize("is_in_time", [True, False])
+def test_w6_a_reply_is_forwarded_if_it_begins_to_be_sent_before_its_controller_gives_up(
+    *, is_in_time: bool
+) -> None:
+    """The reply begins at 20, 7 ms after the request had come, and to be sent 2.325 later."""
+    line = site()
+    line.measure(acknowledgement_shape(), of_replies=True)
+    began_ns = line.come(frame_of(NEXT))
+    line.pass_to(began_ns + 20 * MS)
+    line.cnc.patience_ns = 9_325_000 - (not is_in_time)
+    began_ns = line.reply(ACKNOWLEDGED)
+    left = " ".join(data for _, data in line.to_cnc(began_ns))
+    assert left == (ACKNOWLEDGED.hex(" ") if is_in_time else "")
+    assert line.replies() == {ForwardEvent.COMMITTED if is_in_time else ForwardEvent.KEPT: 1}
+    assert (line.bench.kinds()[-1] == "late-reply") is not is_in_time
 
 
 def test_a_port_lost_during_forwarding_spoils_its_request() -> None:

@@ -1,6 +1,7 @@
 """Forwarded replies are equal to stored ones, or are spoilt: on real axes."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from random import Random
 
 import pytest
@@ -28,8 +29,8 @@ PLAN = stream_plan(table=CURVE, bits={"done": BitField(STATUS, 0)})
 class Way:
     """A line on which the reply to the request on the wire comes character by character."""
 
-    def __init__(self, plan: AxisPlan = PLAN) -> None:
-        self.bench = Bench(plan)
+    def __init__(self, *plans: AxisPlan) -> None:
+        self.bench = Bench(*(plans or (PLAN,)))
         self.replies = Replies(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
         self.events: list[ForwardEvent] = []
 
@@ -135,6 +136,23 @@ def test_a_spoilt_reply_is_filled_with_the_words_of_the_reply_before() -> None:
     assert (forwarded.state, way.events[-1]) == (ForwardState.ABORTED, ForwardEvent.STALLED)
     assert forwarded.left[:-2] == b"\x01" + before
     assert residue_after(forwarded.left) == INVERTED
+
+
+def test_each_position_in_a_reply_is_converted_as_that_of_its_axis() -> None:
+    """x stands at 10 012 and y at 10 010, each for 10 000: 0000 2710."""
+    command, actual = replace(COMMAND, address=0x0702), replace(ACTUAL, address=0x0522)
+    way = Way(stream_plan(table=CURVE), stream_plan(name="y", command=(command,), actual=(actual,)))
+    way.settle()
+    for counts in range(2_000, 10_001, 40):
+        way.bench.ask(write(command, counts))
+        way.bench.memory.put(actual, way.bench.memory.get(command))
+        way.bench.now_ns += 10 * MS
+    assert [way.bench.memory.get(place) for place in (ACTUAL, actual)] == [10_012, 10_010]
+    both = bytes.fromhex("03 0520 0004")
+    way.ask(both)
+    forwarded, _ = way.ask(both)
+    assert forwarded.state is ForwardState.WHOLE
+    assert forwarded.left[:-2] == bytes.fromhex("01 03 08 2710 0000 2710 0000")
 
 
 def test_w4_an_acknowledgement_of_other_registers_gets_no_check_sum() -> None:

@@ -6,6 +6,7 @@ is the margin.
 """
 
 from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -335,6 +336,23 @@ def test_a_head_that_continues_unexpectedly_is_filled_up_as_expected() -> None:
     ]
     assert events == [ForwardEvent.OPENED, ForwardEvent.UNFIT]
     assert forwarded.arrival.progress is Progress.GOOD
+
+
+@pytest.mark.parametrize(
+    ("frame", "delay_ns", "changes"),
+    [
+        (append_crc(bytes.fromhex("01 10 6F 00 00 02 06 55 55 00 08 00 00")), 6_500, {"head_bytes": 6}),
+        (WRITE, 10_500, {"refused": frozenset({WRITE[7:11]})}),
+    ],
+    ids=["another length", "a refused position"],
+)
+def test_a_frame_known_to_be_wrong_before_its_first_byte_is_sent_is_stored(
+    frame: bytes, delay_ns: int, changes: dict[str, Any]
+) -> None:
+    """Its head is complete with its seventh byte, its position with the eleventh: both before the delay."""
+    forwarded, _, events = write(delay_ns=delay_ns, **changes)
+    assert play(forwarded, characters(frame), 40_000) == []
+    assert (forwarded.state, events) == (ForwardState.STORED, [ForwardEvent.KEPT])
 
 
 def test_a_stop_spoils_a_forwarded_frame_immediately() -> None:
