@@ -445,7 +445,7 @@ TABLE: dict[ForwardState, dict[str | None, str]] = {
     ForwardState.LEAVING: {
         "leaving": "judged",
         "whole": "committed",
-        "spoilt": OUTSIDE + " unfit refused changed bad",
+        "spoilt": OUTSIDE + " refused changed bad",
         "broken": "lost",
     },
     ForwardState.STORED: {None: OUTSIDE + " lost"},

@@ -137,7 +137,6 @@ FORWARD_AFTER: Final[Mapping[ForwardState, Mapping[ForwardEvent, ForwardState | 
     ForwardState.LEAVING: {
         ForwardEvent.JUDGED: ForwardState.LEAVING,
         ForwardEvent.COMMITTED: ForwardState.WHOLE,
-        ForwardEvent.UNFIT: ForwardState.ABORTED,  # its length turns out to differ
         ForwardEvent.REFUSED: ForwardState.ABORTED,
         ForwardEvent.CHANGED: ForwardState.ABORTED,
         ForwardEvent.BAD: ForwardState.ABORTED,
@@ -475,8 +474,6 @@ class ForwardedFrame:
             if self.is_over:
                 return filling
         if self.state is ForwardState.LEAVING:
-            if progress is Progress.ODD:
-                return self.go_on(ForwardEvent.UNFIT, now_ns)
             why_not = self._judge_positions(now_ns)
             if why_not is not None:
                 return self.go_on(why_not, now_ns)
