@@ -267,8 +267,9 @@ def leave_on(
 
     What must survive a kill is recorded before.
     """
-    if target is None or not isinstance(path, WritePath):
+    if not isinstance(path, WritePath):
         return path.sent(transaction, now_ns)
+    assert target is not None, "a write is committed with the target that was judged"
     path.write_ahead(transaction, target)
     start, stop = path.byte_range
     pdu = transaction.pdu
