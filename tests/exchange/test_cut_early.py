@@ -25,9 +25,10 @@ from gateway.exchange.cut_through.delay import (
 )
 from gateway.exchange.cut_through.frame import ForwardEvent, ForwardState
 from gateway.exchange.cut_through.replies import reply_shape_of
-from gateway.exchange.cut_through.requests import Heads
+from gateway.exchange.cut_through.requests import REMEMBERED_BEGINNINGS, Heads
 from gateway.exchange.fast_path import ReadPath, WritePath
 from gateway.exchange.plan import AxisPlan, writes_alone
+from gateway.exchange.transaction import FastPath
 from gateway.modbus.crc import INVERTED, append_crc, residue_after
 from gateway.modbus.registers import PositionField, RegisterType, WordOrder
 from tests.exchange.cut_bench import assert_spoilt, learn
@@ -309,6 +310,38 @@ def test_one_write_is_not_enough_to_know_the_next_by_three_bytes() -> None:
     frame = note(known, bench, 50_000, times=1)
     opening = known.opening(frame[:4])
     assert (known.opening(frame[:3]), opening is not None and opening.shape) == (None, write_shape(2, 0, 2))
+
+
+def other_pages(count: int) -> list[bytes]:
+    """Writes to so many pages of other unit ids."""
+    return [bytes((2 + number // 256, 16, number % 256, 0)) for number in range(count)]
+
+
+def test_the_pages_of_writes_are_forgotten_when_their_maximum_is_reached() -> None:
+    known, bench = heads()
+    frame = note(known, bench, 50_000)
+    *most, last = other_pages(REMEMBERED_BEGINNINGS)
+    known.saw(bytes.fromhex("09 03 0200 0001"))  # a read has no page
+    for each in (*most, frame):  # the last one is known
+        known.saw(each)
+    is_known = [known.opening(frame[:3]) is not None]
+    known.saw(last)
+    is_known.append(known.opening(frame[:3]) is not None)
+    assert is_known == [True, False]
+
+
+def test_another_address_on_the_page_is_forgotten_with_the_beginnings() -> None:
+    known, bench = heads()
+    frame = note(known, bench, 50_000)
+    known.saw(frame[:3] + bytes((frame[3] ^ 0x80,)))
+    is_known = [known.opening(frame[:3]) is not None]
+    for unit_id in range(2, 2 + REMEMBERED_BEGINNINGS // 2):
+        for function in (3, 4):
+            beginning = bytes((unit_id, function, 2, 0, 0, 1))
+            known.add(FastPath(5), beginning, beginning)
+    note(known, bench, 50_000)
+    is_known.append(known.opening(frame[:3]) is not None)
+    assert is_known == [False, True]
 
 
 @pytest.mark.parametrize(

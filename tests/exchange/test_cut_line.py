@@ -15,6 +15,7 @@ from gateway.catalogue import exchange_events
 from gateway.exchange.axis.record_layout import Remembered
 from gateway.exchange.commands import Disable
 from gateway.exchange.cut_through.delay import (
+    LEARNED_AFTER,
     REMEMBERED,
     Delays,
     acknowledgement_shape,
@@ -326,6 +327,39 @@ def test_w6_a_reply_is_forwarded_if_it_begins_to_be_sent_before_its_controller_g
     assert left == (ACKNOWLEDGED.hex(" ") if is_in_time else "")
     assert line.replies() == {ForwardEvent.COMMITTED if is_in_time else ForwardEvent.KEPT: 1}
     assert (line.bench.kinds()[-1] == "late-reply") is not is_in_time
+
+
+def hear_whole(line: Site, count: int) -> None:
+    """Let a setpoint come in one piece, and be answered, so many times."""
+    for number in range(count):
+        request = write(COMMAND, 10_080 + 40 * number)
+        line.hear(line.cnc, frame_of(request))
+        line.pass_to(line.bench.now_ns + 20 * MS)
+        line.answer(frame_of(request[:5]))
+        line.pass_to(line.bench.now_ns + 20 * MS)
+
+
+def test_the_status_says_how_much_sooner_forwarded_requests_began_and_how_many_were_stored() -> None:
+    """The first one began to be sent at 4.325 and had come at 13; three came in one piece."""
+    line = site()
+    began_ns = line.come(frame_of(NEXT))
+    line.pass_to(began_ns + 20 * MS)
+    line.answer(ACKNOWLEDGED)
+    line.pass_to(began_ns + 40 * MS)
+    hear_whole(line, 3)
+    status = line.forwarding.requests.status()
+    assert (status.cut_through, status.gain_us) == (1, 8_675)
+    assert (status.stored, status.spoilt) == ({"kept": 3}, {})
+
+
+def test_frames_that_gain_nothing_are_reported_once_for_each_direction() -> None:
+    line = site()
+    hear_whole(line, LEARNED_AFTER + 2)
+    told = [each.detail for each in line.bench.events if each.kind is exchange_events.CUT_THROUGH_OFF]
+    assert [detail.partition(" could")[0] for detail in told] == [
+        "requests of cnc: one of 13 bytes",
+        "replies of cnc: one of 8 bytes",
+    ]
 
 
 def test_a_port_lost_during_forwarding_spoils_its_request() -> None:

@@ -4,9 +4,17 @@ from typing import Final
 
 import pytest
 
-from gateway.exchange.cut_through.delay import REMEMBERED, Delays, Piece, read_shape, write_shape
+from gateway.exchange.cut_through.delay import (
+    REMEMBERED,
+    Delays,
+    Piece,
+    read_shape,
+    reply_shape,
+    write_shape,
+)
 from gateway.exchange.cut_through.forward import WASTED, Pauses, Totals
 from gateway.exchange.cut_through.frame import ForwardEvent
+from gateway.exchange.cut_through.replies import REMEMBERED_REPLIES, Replies
 from gateway.exchange.cut_through.requests import (
     REMEMBERED_BEGINNINGS,
     STORED_FOR,
@@ -14,9 +22,9 @@ from gateway.exchange.cut_through.requests import (
     Heads,
 )
 from gateway.exchange.dispatch import UnitMaps
-from gateway.exchange.transaction import FastPath
+from gateway.exchange.transaction import FastPath, Transaction
 from tests.exchange.cut_bench import CHAR_NS, learn
-from tests.exchange.line_bench import COMMAND, Bench, stream_plan, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, Bench, read, stream_plan, write
 
 PATH: Final = FastPath(5)
 """Of a read without any mapped content."""
@@ -24,6 +32,12 @@ READ: Final = bytes.fromhex("01 03 0200 0003")
 OTHER_READ: Final = bytes.fromhex("01 03 0300 0001")
 WRITE: Final = b"\x01" + write(COMMAND, 1000)
 LONGER: Final = b"\x01" + bytes.fromhex("10 0606 0003 06 03E8 0000 0000")
+
+
+POSITION: Final = read(ACTUAL)
+REPLY: Final = bytes.fromhex("03 04 2710 0000")
+SHAPE: Final = reply_shape(2, [(0, 2)])
+UNITS: Final = UnitMaps(Bench(stream_plan()).line.axes, is_serial=True)
 
 
 def heads() -> Heads:
@@ -108,6 +122,48 @@ def test_forwarding_that_loses_time_ends_for_a_while(gain_ns: int, goes_on: bool
     assert is_expected(memory)
     memory.pay(READ, gain_ns)  # what was lost before that is not weighed once more
     assert is_expected(memory)
+
+
+def asked(pdu: bytes = POSITION, unit_id: int = 1) -> Transaction:
+    """A read of a position on its fast path."""
+    path = UNITS.path_of(1, POSITION)
+    assert path is not None
+    transaction = Transaction(None, 0, unit_id, pdu, 0)
+    transaction.take(path)
+    return transaction
+
+
+def replies() -> Replies:
+    found = Replies(Delays(CHAR_NS, CHAR_NS, CHAR_NS))
+    learn(found.delays, SHAPE)
+    return found
+
+
+def test_after_a_spoilt_reply_those_of_its_shape_are_stored_for_a_while() -> None:
+    memory = replies()
+    memory.add(asked(), REPLY)
+    was_expected = [memory.opening(asked()) is not None]
+    memory.rest(SHAPE)
+    for _ in range(STORED_FOR - 1):
+        memory.came(SHAPE)
+        was_expected.append(memory.opening(asked()) is not None)
+    memory.came(SHAPE)
+    was_expected.append(memory.opening(asked()) is not None)
+    assert was_expected == [True, *[False] * (STORED_FOR - 1), True]
+
+
+def test_all_replies_are_forgotten_when_their_maximum_is_reached() -> None:
+    memory = replies()
+    first, *most, last = [
+        asked(POSITION[:4] + bytes((2 + number % 2,)), 1 + number // 2)
+        for number in range(REMEMBERED_REPLIES + 1)
+    ]
+    for each in (first, *most, first):  # the first one is known
+        memory.add(each, REPLY)
+    was_expected = [memory.opening(each) is not None for each in (first, most[-1])]
+    memory.add(last, REPLY)
+    was_expected += [memory.opening(each) is not None for each in (first, last)]
+    assert was_expected == [True, True, False, True]
 
 
 def test_the_longest_pause_is_that_of_the_last_frames() -> None:
