@@ -129,7 +129,7 @@ def asked(pdu: bytes = POSITION, unit_id: int = 1) -> Transaction:
     path = UNITS.path_of(1, POSITION)
     assert path is not None
     transaction = Transaction(None, 0, unit_id, pdu, 0)
-    transaction.take(path)
+    transaction.path = path
     return transaction
 
 
