@@ -20,19 +20,16 @@ from gateway import __version__
 from gateway.clock import now_utc
 from gateway.commissioning.evidence.inventory import add_records, by_name, sbom, serial_number, vex
 from gateway.commissioning.evidence.requirements import as_csv, as_markdown, counts
-from gateway.config.compile import leaves
-from gateway.config.findings import Document, marks_at
+from gateway.config.findings import Document
 from gateway.config.load import Loaded
-from gateway.config.sections import NAMED, SINGLE
+from gateway.config.resolved import written_secrets
 from gateway.config.settings_of import settings_of
 from gateway.config.toml import STRING
-from gateway.drives.strict import Mark
 from gateway.files import FileRefusedError, read_regular_file, write_file
 from gateway.plain import Json, JsonObject
 from gateway.report.axis_data import Report, axis_data_of
 from gateway.report.errors import ReportError
 from gateway.report.writing import render
-from gateway.secret_files import CREDENTIAL
 from gateway.state.interventions import FOLDER_NAME, read_journal
 from gateway.tabfile import LoadedTable
 
@@ -164,12 +161,7 @@ def without_secrets(document: Document) -> str:
     A key for the file of a secret keeps its value only if there is such a file, or it is a credential: a
     person may have written the secret itself.
     """
-    named = {
-        value
-        for path, value in leaves(document.tables)
-        if isinstance(value, str) and _names_a_secret(path) and not value.startswith(CREDENTIAL)
-    }
-    secrets = {value for value in named if not _is_there(document.path.parent / value)}
+    secrets = written_secrets(document.tables, document.path.parent)
 
     def kept(found: re.Match[str]) -> str:
         if found[0].startswith("#"):
@@ -180,23 +172,6 @@ def without_secrets(document: Document) -> str:
     text = re.sub(rf"{STRING.pattern}|\#[^\n]*", kept, document.text, flags=STRING.flags)
     lines = (line.rstrip() for line in text.splitlines())
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines)).strip() + "\n"
-
-
-def _names_a_secret(path: tuple[str | int, ...]) -> bool:
-    kind = str(path[0])
-    model = {**SINGLE, **NAMED}.get(kind)
-    return model is not None and Mark.SECRET in marks_at(model, path[1 + (kind in NAMED) :])
-
-
-def _is_there(path: Path) -> bool:
-    """Whether there is such a file; where this user may not look there is one."""
-    try:
-        path.lstat()
-    except PermissionError:
-        return True
-    except OSError:
-        return False
-    return True
 
 
 def _sha256(content: bytes) -> str:
