@@ -37,6 +37,11 @@ ANOTHER_CONFIGURATION: Final = StartEntry(
 CHANGED: Final = StartEntry(
     "{file} has changed since it was compiled", "the file was saved after the last start", _COMPILE
 )
+INCLUDED: Final = StartEntry(
+    "{file} is included, and was not when it was compiled",
+    "a file came into a folder of `include` after the last start",
+    _COMPILE,
+)
 COMPILED_MEANWHILE: Final = StartEntry(
     "{plan}: another configuration was compiled meanwhile",
     "`check --compile` while the supervisor read the tables (reported while it runs)",

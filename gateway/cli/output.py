@@ -87,8 +87,11 @@ def print_words(words: "Iterable[RenderableType]", plain_width: int | None = Non
 
 def _draw(part: "RenderableType", plain_width: int | None) -> None:
     from rich.console import Console
+    from rich.text import Text
 
-    Console(width=None if sys.stdout.isatty() else plain_width, highlight=False).print(part)
+    is_whole = isinstance(part, Text) and bool(part.no_wrap)  # Rich alone would wrap it, or cut it off
+    console = Console(width=None if sys.stdout.isatty() else plain_width, highlight=False)
+    console.print(part, soft_wrap=is_whole)
 
 
 def print_json(data: Any, form: Format = Format.INDENTED) -> None:

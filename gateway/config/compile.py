@@ -53,7 +53,16 @@ def sources_of(loaded: Loaded) -> dict[str, str]:
     Raises:
         StateError: a profile was removed meanwhile.
     """
-    sources = {str(loaded.path.resolve()): loaded.document.sha256}
+    return {**loaded.document.files, **named_sources(loaded)}
+
+
+def named_sources(loaded: Loaded) -> dict[str, str]:
+    """Return those of :func:`sources_of` that the configuration names: profiles, and tables of ``cross``.
+
+    Raises:
+        StateError: a profile was removed meanwhile.
+    """
+    sources = {}
     try:
         for drive in loaded.drives.values():
             if not drive.is_shipped:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any, Final, get_args, get_origin
+from typing import Any, Final, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel, ValidationError
 from pydantic.fields import FieldInfo
@@ -19,6 +19,7 @@ from gateway.config.toml import GRAMMAR, KeyLines, KeyPath, in_words
 from gateway.drives.strict import Mark, marks_of
 from gateway.files import FileRefusedError, read_regular_file
 from gateway.state.folder import LARGEST_CONFIGURATION
+from gateway.state.include import INCLUDE, sets
 
 # --- One configuration file as text: its tables, and the lines of its keys
 
@@ -38,6 +39,17 @@ _TWICE: Final = re.compile("overwrite|declare|duplicate|namespace", re.IGNORECAS
 """The standard reader's words for keys and tables that are given twice."""
 
 
+MERGED: Final = "# Merged from "
+"""A text that begins so was made of several files: its lines are those of no file."""
+
+
+class Place(NamedTuple):
+    """Where a value is written; None: the line is not known."""
+
+    file: Path
+    line: int | None
+
+
 @dataclass(frozen=True, slots=True)
 class Document:
     """A configuration that is valid TOML and not interpreted yet."""
@@ -45,22 +57,58 @@ class Document:
     path: Path
     tables: Mapping[str, Any]
     lines: KeyLines
-    sha256: str = ""
-    """Of the bytes of the file."""
+    files: Mapping[str, str] = field(default_factory=dict)
+    """The files that it was read from, by absolute path, with the SHA-256 of each."""
     text: str = ""
+    """That of its file; with ``include`` the text of all its files as one (``config.included``)."""
+    parts: "tuple[Document, ...]" = ()
+    """With ``include`` its files: the included ones in their order, then its own."""
+    unmatched: tuple[int, ...] = ()
+    """Elements of ``include`` that match no file."""
+
+    @property
+    def sha256(self) -> str:
+        """Digest of the bytes of its own file; "" if it was not read from one."""
+        return self.files.get(str(self.path.resolve()), "")
+
+    def place_of(self, key: KeyPath) -> Place:
+        """Return where a key is written, or the nearest table around it."""
+        part = self._part_of(key)
+        return Place(part.path, part.lines.of(key))
+
+    def line_of(self, key: KeyPath) -> str:
+        """Return the line of text with a key; "" if it is not known."""
+        part = self._part_of(key)
+        number = part.lines.of(key)
+        return "" if number is None else part.text.split("\n")[number - 1]
+
+    def order_of(self, key: KeyPath) -> tuple[int, int]:
+        """Return what sorts keys as a reader meets them."""
+        part = self._part_of(key)
+        number = next((at for at, each in enumerate(self.parts) if each is part), 0)
+        return number, part.lines.of(key) or 0
+
+    def _part_of(self, key: KeyPath) -> "Document":
+        """Return the file that decides the value at a key, or the table around a key that no file has."""
+        for length in range(len(key), 0, -1):
+            for part in reversed(self.parts):
+                if sets(part.tables, key[:length]):
+                    return part
+        return self.parts[-1] if self.parts else self
 
 
 def read_document(path: Path, what: str = "a configuration file") -> Document:
-    """Read a TOML file; ``what`` names the expected kind of file in errors.
+    """Read one TOML file; ``what`` names the expected kind of file in errors.
 
     Raises:
         ConfigErrors: the file cannot be read, is not text, or is not TOML; with line and column.
     """
-    return parse_document(path, *_read_text(path, what))
+    text, sha256 = _read_text(path, what)
+    return parse_document(path, text, {str(path.resolve()): sha256})
 
 
-def parse_document(path: Path, text: str, sha256: str = "") -> Document:
-    """Parse the text of the TOML file at ``path``; the file itself is not read.
+def parse_document(path: Path, text: str, files: Mapping[str, str] | None = None) -> Document:
+    """Parse the text of the TOML file at ``path``, which was read from ``files``; no file is read.
 
     Raises:
         ConfigErrors: it is not TOML; with line and column.
@@ -75,7 +123,8 @@ def parse_document(path: Path, text: str, sha256: str = "") -> Document:
         raise _syntax_error(path, text, error) from None
     if (line := _too_deep_at(tables, text)) is not None:
         raise _refuse(path, *TOO_DEEP, line)
-    return Document(path, tables, KeyLines(text), sha256, text)
+    lines = KeyLines("" if text.startswith(MERGED) else text)
+    return Document(path, tables, lines, files or {}, text)
 
 
 def _too_deep_at(tables: Mapping[str, Any], text: str) -> int | None:
@@ -201,8 +250,8 @@ class Findings:
 
     def _problem(self, path: KeyPath, found: str, remedy: str) -> Problem:
         shown = next((other for key, other in self._lines_of.items() if path[: len(key)] == key), path)
-        line = self.document.lines.of(shown)
-        return Problem(str(self.document.path), key_text(path), found, remedy, line)
+        place = self.document.place_of(shown)
+        return Problem(str(place.file), key_text(path), found, remedy, place.line)
 
 
 # --- Schema errors in words for the author of the file
@@ -277,6 +326,8 @@ def _words(root: type[BaseModel], detail: ErrorDetails) -> tuple[str, str]:
         return "missing", f"needed: {_description(root, key_path)}"
     if kind == "missing":
         return f"found {shown(detail['input'])}", f"allowed: a list of {int(key_path[-1]) + 1} or more"
+    if kind == "extra_forbidden" and key_path[-1] == INCLUDE:
+        return UNKNOWN_KEY, "write it at the top of the file, before the first table in [ ]"
     if kind == "extra_forbidden":
         return UNKNOWN_KEY, suggest(str(key_path[-1]), keys_at(root, key_path[:-1]))
     found = f"found {shown(detail['input'])}"

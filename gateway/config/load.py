@@ -28,7 +28,8 @@ from gateway.config.checks.rights import check_rights, check_roles, check_tls_fi
 from gateway.config.checks.services import check_alarm_output, check_http, check_http_files, check_mqtt
 from gateway.config.crosses import Crosses, read_crosses
 from gateway.config.drive_files import NamedProfile, fit_drives
-from gateway.config.findings import Document, Findings, read_document
+from gateway.config.findings import Document, Findings
+from gateway.config.included import check_include, read_configuration
 from gateway.config.newer_release import with_newer_release
 from gateway.config.problems import ConfigErrors, Problem, in_file_order
 from gateway.config.sections import Sections, read_sections
@@ -75,7 +76,7 @@ def load(
         ConfigErrors: all errors together.
     """
     return load_document(
-        read_document(path),
+        read_configuration(path),
         checks_times=checks_times,
         forgives_tables=forgives_tables,
         is_start=is_start,
@@ -103,6 +104,7 @@ def load_document(
     """
     findings = Findings(document)
     try:
+        check_include(findings)
         sections, drives = _check_but_tables(findings)
         if not is_elsewhere:
             now = now_utc()

@@ -17,7 +17,7 @@ def header_of(loaded: Loaded, form: int = FORMAT) -> Header:
     Raises:
         OSError: a file can no longer be read.
     """
-    text = loaded.path.read_bytes().decode("utf-8")
+    own = loaded.path.read_bytes().decode("utf-8")
     paths = {table.path for table in loaded.tables.values()}
     paths |= {table.path for crosses in loaded.crosses.values() for table in crosses}
     profiles = sorted({drive.name for drive in loaded.drives.values() if not drive.is_shipped})
@@ -26,7 +26,7 @@ def header_of(loaded: Loaded, form: int = FORMAT) -> Header:
         gateway_version=gateway.__version__,
         started=datetime.now(UTC).isoformat(timespec="milliseconds"),
         config_name=loaded.path.name,
-        config=text,
+        config=loaded.document.text if loaded.document.parts else own,
         tables={path.name: path.read_bytes().decode(ANY_BYTES) for path in sorted(paths)},
         files={name: (loaded.path.parent / name).read_bytes().decode(ANY_BYTES) for name in profiles},
     )

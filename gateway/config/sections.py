@@ -25,6 +25,7 @@ from gateway.config.relay_model import RelaySection
 from gateway.config.toml import KeyPath
 from gateway.config.values import read_name
 from gateway.drives.strict import Mark, StrictModel
+from gateway.state.include import INCLUDE
 
 Model = TypeVar("Model", bound=StrictModel)
 
@@ -93,7 +94,7 @@ def read_sections(findings: Findings) -> Sections:
     sections = Sections(folder=findings.document.path.parent)
     for name in tables:
         if name not in SINGLE and name not in NAMED:
-            findings.refuse((name,), UNKNOWN_KEY, suggest(name, [*SINGLE, *NAMED]))
+            findings.refuse((name,), UNKNOWN_KEY, suggest(name, [*SINGLE, *NAMED, INCLUDE]))
     for name, model in SINGLE.items():
         if name in tables:
             section = read_section(findings, model, tables[name], (name,))

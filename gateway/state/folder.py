@@ -12,6 +12,7 @@ from typing import Any, Final, TypeGuard
 
 from gateway.catalogue import starts
 from gateway.files import FileRefusedError, kind_of, read_regular_file
+from gateway.state.include import IncludeError, included_files, merged
 
 DEFAULT_STATE: Final = "state"
 """Folder of the state, relative to the configuration file."""
@@ -42,25 +43,45 @@ class StateError(Exception):
 
 
 def state_folder(config: Path) -> Path:
-    """Return the state folder of a configuration, without reading anything else of it.
+    """Return the state folder of a configuration, without checking anything else of it.
 
     Raises:
-        StateError: the configuration cannot be read, or is not TOML.
+        StateError: the configuration or a file that it includes cannot be read, or is not TOML.
+    """
+    named = _named(merged(configuration_files(config).values()))
+    if not _is_a_name(named):
+        raise StateError(f"{starts.NO_FOLDER_NAME.begin(found=named)}; allowed: a folder")
+    return config.parent / named
+
+
+def configuration_files(config: Path) -> dict[Path, dict[str, Any]]:
+    """Return the content of each file of a configuration: what it includes, in that order, then itself.
+
+    Raises:
+        StateError: a file cannot be read, or is not TOML.
     """
     try:
-        content = read_regular_file(config, LARGEST_CONFIGURATION, "a configuration file")
-        text = content.decode("utf-8-sig").replace("\r\n", "\n")
-        document: dict[str, Any] = tomllib.loads(text)
-    except FileRefusedError as error:
+        own = _toml_of(config, config)
+        elements = included_files(config, own)
+    except (FileRefusedError, IncludeError) as error:
         raise StateError(str(error)) from None
+    found = {}
+    for path in (path for paths in elements for path in paths):
+        try:
+            found[path] = _toml_of(path, config)
+        except (FileRefusedError, StateError) as error:
+            raise StateError(f"{path}: {error}") from None
+    return {**found, config: own}
+
+
+def _toml_of(path: Path, config: Path) -> dict[str, Any]:
+    content = read_regular_file(path, LARGEST_CONFIGURATION, "a configuration file")
+    try:
+        return tomllib.loads(content.decode("utf-8-sig").replace("\r\n", "\n"))
     except (ValueError, RecursionError) as error:
         raise StateError(
             f"{starts.NOT_TOML.begin()}: {error}; pitch-gateway check {config} says where"
         ) from None
-    named = _named(document)
-    if not _is_a_name(named):
-        raise StateError(f"{starts.NO_FOLDER_NAME.begin(found=named)}; allowed: a folder")
-    return config.parent / named
 
 
 def state_folder_anyway(config: Path, document: Mapping[str, Any]) -> Path:

@@ -33,7 +33,7 @@ from gateway.exchange.plan import (
 )
 from gateway.exchange.rights import UNLIMITED, Rights
 from gateway.files import FileRefusedError
-from gateway.state.folder import PLAN_NAME, StateError, read_state, write_if_new
+from gateway.state.folder import PLAN_NAME, StateError, configuration_files, read_state, write_if_new
 from gateway.state.lock import alone_in
 from gateway.state.tables import checked, compiled, digest_of, read_table, remove_others, write_table
 from gateway.transport.certificates import TlsFiles
@@ -156,7 +156,7 @@ class Writer(msgspec.Struct, frozen=True):
     version: int = 0
     gateway_version: str = ""
     configuration: str = ""
-    """The text of the configuration file."""
+    """The text of the configuration file; with ``include`` that of all its files as one."""
 
 
 class CompiledPlan(Writer, frozen=True, kw_only=True):
@@ -346,6 +346,9 @@ def _check_sources(sources: Mapping[str, str], config: Path, path: Path, remedy:
             raise StateError(f"{name}: {error.found}; {remedy}") from None
         if found != expected:
             raise StateError(f"{starts.CHANGED.begin(file=name)}; {remedy}")
+    for each in configuration_files(config):
+        if str(each.resolve()) not in sources:
+            raise StateError(f"{starts.INCLUDED.begin(file=each)}; {remedy}")
 
 
 def sealed(content: bytes) -> bytes:

@@ -10,8 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from gateway.clock import wall_s
-from gateway.config.compile import compile_into_state, keys_of, sources_of
-from gateway.config.findings import parse_document, read_document
+from gateway.config.compile import compile_into_state, keys_of, named_sources
+from gateway.config.findings import parse_document
+from gateway.config.included import read_configuration
 from gateway.config.last_good import Settled, TableSource, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
@@ -85,7 +86,9 @@ class Reloader:
     def is_file_unchanged(self) -> bool:
         """Whether the configuration in force is the one in its file."""
         try:
-            return self.loaded is not None and read_document(self._config).text == self.loaded.document.text
+            return (
+                self.loaded is not None and read_configuration(self._config).text == self.loaded.document.text
+            )
         except ConfigErrors:
             return False
 
@@ -137,7 +140,7 @@ class Reloader:
         if plan is None:
             return None
         try:
-            document = parse_document(self._config, plan.configuration, _digest_of(self._config, plan))
+            document = parse_document(self._config, plan.configuration, plan.sources)
             return load_document(document, checks_times=False, forgives_tables=True)
         except ConfigErrors:
             return None
@@ -257,10 +260,6 @@ def _saving(loaded: Loaded, seen: Mapping[str, FileStamp], waiting: Collection[s
         yield f"{reading.path}: axis.{axis}.table: not taken yet: {why}, and it is taken when it is complete"
 
 
-def _digest_of(config: Path, before: CompiledPlan) -> str:
-    return before.sources.get(str(config.resolve()), "")
-
-
 def _names(loaded: Loaded) -> dict[str, str]:
     return {axis: reading.name for axis, reading in loaded.readings.items()}
 
@@ -304,11 +303,10 @@ def _axes(reply: Reply) -> Mapping[str, AxisStatus]:
 def _need_restart(loaded: Loaded, before: CompiledPlan) -> list[str]:
     """Return the changes that a running gateway cannot take: keys, and drive profiles."""
     profiles = [
-        name for name, digest in sources_of(loaded).items() if before.sources.get(name, digest) != digest
+        name for name, digest in named_sources(loaded).items() if before.sources.get(name, digest) != digest
     ]
-    config = str(loaded.path.resolve())
     keys = [key for key in _changed_keys(loaded, before) if not _can_be_given(key, loaded, before)]
-    return [*keys, *(name for name in profiles if name != config)]
+    return [*keys, *profiles]
 
 
 def _can_be_given(key: str, loaded: Loaded, before: CompiledPlan) -> bool:

@@ -134,3 +134,93 @@ def test_problems_keep_their_words_on_one_line(tmp_path: Path) -> None:
     result = run(written(tmp_path, GOOD.replace('"mill-1"', '"a\\nb"')))
     assert result.stderr.count("\n") == 1
     assert 'found "a\\nb"' in result.stderr
+
+
+# Where each value comes from.
+
+
+SECRET = "correct-horse-battery-staple"
+
+
+@pytest.fixture
+def two_files(tmp_path: Path) -> Path:
+    (tmp_path / "plant.toml").write_text("[axis.x]\nmax_speed = 150.0\ngain = 0.5\n")
+    return written(tmp_path, f'include = ["plant.toml"]\n{GOOD}')
+
+
+def test_resolved_shows_each_key_with_its_place_and_what_it_replaces(two_files: Path) -> None:
+    result = run(two_files, "--resolved")
+    assert (result.exit_code, result.stderr) == (0, "")
+    text = two_files.read_text()
+    plant = two_files.with_name("plant.toml")
+    lines = result.stdout.splitlines()
+    assert lines[:3] == [
+        f"axis.x.max_speed = 200.0  # {two_files}:{line_of(text, 'max_speed')}",
+        f"    in place of 150.0  # {plant}:2",
+        f"axis.x.gain = 0.5  # {plant}:3",
+    ]
+    assert f'gateway.name = "mill-1"  # {two_files}:{line_of(text, "name = ")}' in lines
+    assert "controllers[2].role" in result.stdout
+    assert (lines[-1], "include =" in result.stdout) == (f"{two_files}: good", False)
+
+
+def test_resolved_in_json_has_values_files_and_lines(two_files: Path) -> None:
+    said = json.loads(run(two_files, "--resolved", "--json").stdout)
+    assert (said["ok"], "summary" in said) == (True, True)
+    speed, replaced = (each for each in said["resolved"] if each["key"] == "axis.x.max_speed")
+    text, plant = two_files.read_text(), str(two_files.with_name("plant.toml"))
+    here = {"file": str(two_files), "line": line_of(text, "max_speed")}
+    assert speed == {"key": "axis.x.max_speed", "value": 200.0, "hidden": "", **here, "replaced_by": None}
+    assert (replaced["value"], replaced["file"], replaced["line"]) == (150.0, plant, 2)
+    assert replaced["replaced_by"] == here
+    (travel,) = (each for each in said["resolved"] if each["key"] == "axis.x.travel")
+    assert travel["value"] == [-300.0, 0.0]
+
+
+def test_resolved_shows_a_bad_configuration_too(two_files: Path) -> None:
+    two_files.with_name("plant.toml").write_text("[axis.x]\nmax_slope = 7\n")
+    result = run(two_files, "--resolved")
+    assert result.exit_code == 1
+    plant = two_files.with_name("plant.toml")
+    assert result.stderr.startswith(f"{plant}:2: axis.x.max_slope: found 7; allowed: ")
+    assert f"axis.x.max_slope = 7  # {plant}:2\n" in result.stdout
+    assert "good" not in result.stdout
+
+
+def test_resolved_without_include_is_the_one_file(tmp_path: Path) -> None:
+    path = written(tmp_path)
+    result = run(path, "--resolved")
+    assert result.stdout.startswith(f'gateway.name = "mill-1"  # {path}:2\nline.xyz.drives.rtu = ')
+
+
+@pytest.mark.parametrize("options", [["--resolved"], ["--resolved", "--json"]])
+@pytest.mark.parametrize(
+    ("written_in", "why"),
+    [
+        (f'[mqtt]\nhost = "localhost"\nusername = "mill"\npassword_file = "{SECRET}"', "it names no file"),
+        (f'[mqtt]\nhost = "localhost"\npassword = "{SECRET}"', "unknown key"),
+        (f'[[http.tokens]]\nname = "eva"\nfile = "{SECRET}"', "it names no file"),
+        (f'[tokens]\neva = ["{SECRET}"]', "unknown key"),
+        (f'[axis.x.gain]\nforward = 1.0\ntoken = "{SECRET}"', ""),
+    ],
+)
+def test_resolved_shows_no_secret(two_files: Path, options: list[str], written_in: str, why: str) -> None:
+    plant = two_files.with_name("plant.toml")
+    plant.write_text(f"{written_in}\n")
+    result = run(two_files, *options)
+    assert result.exit_code == 1
+    assert why in result.stdout
+    shown = json.loads(result.stdout)["resolved"] if "--json" in options else result.stdout
+    assert SECRET not in str(shown)
+
+
+def test_a_file_of_a_secret_is_shown_by_its_name(two_files: Path) -> None:
+    secret = two_files.with_name("secret")
+    secret.write_text(SECRET)
+    secret.chmod(0o600)
+    two_files.with_name("plant.toml").write_text(
+        '[mqtt]\nhost = "h"\nusername = "m"\npassword_file = "secret"\n'
+    )
+    result = run(two_files, "--resolved")
+    assert 'mqtt.password_file = "secret"  # ' in result.stdout
+    assert SECRET not in result.stdout

@@ -261,6 +261,9 @@ def _index(made: Evidence, loaded: Loaded, journal: list[str]) -> str:
         "support until": filled["support_until"],
         "answers within 24 hours": filled["answers_within_24_hours"],
     }
+    if included := loaded.document.parts[:-1]:
+        files_of = (f"`{part.path.absolute()}`, SHA-256 `{part.sha256}`" for part in included)
+        about["included files"] = "; ".join(files_of)
     parts = {
         "about": (f"| {key} | {value} |" for key, value in about.items()),
         "found": (f"- {each}" for each in (*made.problems, *made.notes) or ("nothing",)),

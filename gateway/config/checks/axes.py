@@ -112,8 +112,7 @@ def _warn_of_counted_registers(findings: Findings, path: KeyPath, raw: object) -
         first = next((first for first in COUNTED_FROM if first <= raw < first + COUNTED), None)
         if first is None:
             return
-        line = findings.document.lines.of(path)
-        if line is None or str(raw) not in findings.document.text.splitlines()[line - 1]:
+        if str(raw) not in findings.document.line_of(path):
             return
         findings.warn(
             path,

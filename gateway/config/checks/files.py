@@ -25,6 +25,7 @@ from gateway.config.tables import AxisTable, find_file, read_file
 from gateway.config.toml import KeyPath
 from gateway.ipc.address import ROOT_UID, why_too_long
 from gateway.state.folder import why_no_folder, why_open_to_others
+from gateway.state.include import INCLUDE
 from gateway.tabfile import TableState
 from gateway.transport.endpoints import SerialEndpoint, TcpEndpoint
 from gateway.transport.permissions import why_no_device, why_no_port
@@ -282,6 +283,8 @@ def check_open_files(
     """Warn of each file that every user may write to, and of each folder where every user may replace one."""
     config = findings.document.path
     found: dict[Path, KeyPath] = {config.parent: (), config: (), tables_folder: ("gateway", "tables")}
+    for part in findings.document.parts:
+        found |= {path: found.get(path, (INCLUDE,)) for path in (part.path.parent, part.path)}
     for path, key in _named(config, readings, drives, crosses):
         found.setdefault(path, key)
     for path, key in found.items():

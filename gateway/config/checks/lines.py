@@ -57,7 +57,7 @@ def check_lines(
         _check_open_listeners(findings, name, line)
     _check_ipv6_alone(findings, listeners)
     ports = [use for use in (*drives, *listeners) if isinstance(use.endpoint, SerialEndpoint)]
-    _check_devices(findings, sorted(ports, key=lambda use: findings.document.lines.of(use.key) or 0))
+    _check_devices(findings, sorted(ports, key=lambda use: findings.document.order_of(use.key)))
     _check_addresses(findings, drives, listeners)
 
 
