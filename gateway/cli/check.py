@@ -99,6 +99,8 @@ class _Checked:
         }
         if self.loaded is not None:
             found["summary"] = to_builtins(summary(self.loaded.plan, self.loaded.drives))
+            if signers := self._signers():
+                found["signed_by"] = signers
         if self.settings is not None:
             found["resolved"] = [setting.as_data() for setting in self.settings]
         return found
@@ -112,9 +114,16 @@ class _Checked:
             yield from _resolved(self.settings)
         elif self.loaded is not None:
             yield from summary_lines(self.loaded.plan, self.loaded.drives)
+            for axis, signer in self._signers().items():
+                yield f"axis {axis}: its table is signed by {signer}"
         yield from (StderrLine(f"warning: {warning}") for warning in self.warnings)
         if self.loaded is not None:
             yield f"{self.path}: good"
+
+    def _signers(self) -> dict[str, str]:
+        """Return who signed the table of each axis, as far as signatures are asked for."""
+        tables = {} if self.loaded is None else self.loaded.tables
+        return {axis: table.signer for axis, table in tables.items() if table.signer}
 
 
 def _resolved(settings: "Sequence[Setting]") -> "Iterator[RenderableType]":

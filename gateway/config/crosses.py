@@ -37,7 +37,14 @@ def read_crosses(findings: Findings, sections: Sections, folder: Path) -> Crosse
     found: dict[str, tuple[CrossTable, ...]] = {}
     for name, axis in sections.axes.items():
         tables = [
-            _read(findings, ("axis", name, "cross", index, "table"), folder, axis, (cross, partner))
+            _read(
+                findings,
+                ("axis", name, "cross", index, "table"),
+                folder,
+                axis,
+                (cross, partner),
+                allowed=sections.allowed_signers,
+            )
             for index, cross in enumerate(axis.cross)
             if (partner := sections.axes.get(cross.axis)) is not None
         ]
@@ -51,6 +58,8 @@ def _read(
     folder: Path,
     axis: AxisSection,
     pair: tuple[CrossSpec, AxisSection],
+    *,
+    allowed: Path | None,
 ) -> CrossTable | None:
     cross, partner = pair
     found = find_file(findings, key, folder, cross.table)
@@ -74,9 +83,10 @@ def _read(
         max_correction=settings_of(axis).max_correction,
         max_slope=axis.max_slope,
     )
-    read = table_in(findings, key, found.path, context, lost_motion_is_taken_up=True)
-    if read is None:
+    counts = table_in(findings, key, found.path, context, allowed=allowed, lost_motion_is_taken_up=True)
+    if counts is None:
         return None
+    read, _ = counts
     table = read.table.in_units(axis.units)
     modulo = (partner.modulo or 0.0) * scale
     if not table.is_unidirectional:

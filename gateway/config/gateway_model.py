@@ -7,7 +7,7 @@ from pydantic import AfterValidator, Field
 from gateway.catalogue.events import EVENTS
 from gateway.config.findings import suggest
 from gateway.config.line_model import DrivesEndpoint
-from gateway.config.values import Name
+from gateway.config.values import FileName, Name
 from gateway.drives.strict import ListOf, Live, StrictModel, documented
 from gateway.drives.words import Address
 from gateway.state.folder import DEFAULT_STATE
@@ -44,6 +44,17 @@ class GatewaySection(StrictModel):
                 "Created if missing; each gateway needs its own"
             ),
             kind="path",
+        ),
+    )
+    allowed_signers: Live[FileName | None] = Field(
+        default=None,
+        description="file of those who may sign tables; a table without their signature is not taken",
+        json_schema_extra=documented(
+            text=(
+                "file of those who may sign tables (`man ssh-keygen`, ALLOWED SIGNERS), relative to the "
+                "configuration file. A table without a signature of one of them is not taken over "
+                "([below](#signed-tables)). Without the key none is asked for"
+            ),
         ),
     )
 

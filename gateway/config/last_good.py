@@ -4,10 +4,12 @@ An invalid file changes nothing: the table in force stays. Removing a file remov
 group get their tables together or not at all.
 """
 
+import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from gateway.config import signatures
 from gateway.config.checks.files import ROUNDING, TableReading
 from gateway.config.load import Loaded
 from gateway.config.tables_folder import is_folder_of
@@ -52,7 +54,8 @@ def settle(loaded: Loaded, before: CompiledPlan | None, *, waiting: Collection[s
     ``loaded`` was read with ``forgives_tables``. ``waiting`` are axes whose file is being written, or has
     been gone for a moment only. It does not count yet: what was in force stays if allowed. Only a file that
     was known before, by its name and its folder, may be missing or invalid: a name without a good file is an
-    error in the configuration, with which no gateway starts, so that none goes on with it either.
+    error in the configuration, with which no gateway starts, so that none goes on with it either. A table
+    that came into force when no signature was asked for does not stay when one is.
     """
     old = {} if before is None else {axis.name: axis for line in before.plan.lines for axis in line.axes}
     new = {axis.name: axis for line in loaded.plan.lines for axis in line.axes}
@@ -62,6 +65,7 @@ def settle(loaded: Loaded, before: CompiledPlan | None, *, waiting: Collection[s
         for name, reading in loaded.readings.items()
         if is_same_folder and name in old and old[name].table_name.lower() == reading.name.lower()
     }
+    keeps = loaded.sections.allowed_signers is None or _asked_for_signatures(before)
     sources, slips = {}, set()
     for name, reading in loaded.readings.items():
         if reading.state is TableState.MISSING and name not in known:
@@ -71,11 +75,19 @@ def settle(loaded: Loaded, before: CompiledPlan | None, *, waiting: Collection[s
             sources[name] = _source_of_moving(reading, known.get(name), new[name])
         else:
             sources[name] = _source(reading, known.get(name), new[name])
+        if sources[name] is TableSource.KEPT and known[name].table is not None and not keeps:
+            sources[name] = TableSource.REFUSED
     for line in loaded.plan.lines:
         for group in line.groups:
             members = {name: sources[name] for name in group if name in sources}
             sources |= _together(members, known, new)
     return Settled(_with_tables(loaded.plan, old, sources), sources, frozenset(slips))
+
+
+def _asked_for_signatures(before: CompiledPlan | None) -> bool:
+    """Whether the tables of a plan came into force with the signatures that its configuration asked for."""
+    section = {} if before is None else tomllib.loads(before.configuration).get("gateway", {})
+    return signatures.KEY[1] in section
 
 
 def _source(reading: TableReading, known: AxisPlan | None, new: AxisPlan) -> TableSource:

@@ -12,6 +12,7 @@ from gateway.config.checks.files import (
     TableReading,
     check_open_files,
     check_permissions,
+    check_signers,
     check_state,
     read_tables,
 )
@@ -106,6 +107,8 @@ def load_document(
     try:
         check_include(findings)
         sections, drives = _check_but_tables(findings)
+        sections.checks_signatures = not is_elsewhere
+        check_signers(findings, sections)
         if not is_elsewhere:
             now = now_utc()
             check_mqtt(findings, sections.mqtt, document.path.parent, now)
@@ -148,7 +151,9 @@ def _with_tables(
         findings.include(reading.findings)
     tables = {name: reading.table for name, reading in readings.items() if reading.table is not None}
     check_state(findings, path.parent / sections.gateway.state)
-    check_open_files(findings, tables_folder, readings, drives, crosses)
+    check_open_files(
+        findings, tables_folder, readings, drives, crosses, allowed_signers=sections.allowed_signers
+    )
     if checks_times:
         check_budget(findings, sections, tables, drives)
     findings.raise_if_any()

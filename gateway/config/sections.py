@@ -77,6 +77,15 @@ class Sections:
     """Axes with missing keys, completed with stand-ins so that other errors in them are found."""
     groups: dict[str, GroupSection] = field(default_factory=dict)
 
+    checks_signatures: bool = True
+    """False: it is for another machine, which has the signatures."""
+
+    @property
+    def allowed_signers(self) -> Path | None:
+        """The file of those who may sign tables; None: no signature is asked for."""
+        named = self.gateway.allowed_signers
+        return self.folder / named if named is not None and self.checks_signatures else None
+
     @property
     def silent_after_s(self) -> dict[tuple[str, str], float]:
         """``silent_after_s`` of the controllers that have it, by line and controller."""

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from gateway.compensation.table import CorrectionTable
+from gateway.config import signatures
 from gateway.config.axis_model import AxisSection
 from gateway.config.findings import Findings
 from gateway.config.problems import Problem, key_text
@@ -22,7 +23,8 @@ from gateway.tabfile import (
     TableState,
     WriteOptions,
     find_table,
-    inspect_table,
+    parse_table,
+    read_bytes,
 )
 
 COVERAGE_LINT: Final = "L8"
@@ -44,6 +46,8 @@ class AxisTable:
     table: CorrectionTable
     source: LoadedTable
     path: Path
+    signer: str = ""
+    """Who signed it; "" if no signature is asked for."""
 
 
 def find_file(findings: Findings, key: KeyPath, folder: Path, name: str) -> FoundTable | None:
@@ -82,25 +86,49 @@ def _near(folder: Path, name: str) -> str:
     return f"it holds {', '.join(tables[:10])}" if tables else "put the table file there"
 
 
-def read_file(findings: Findings, key: KeyPath, path: Path, axis: AxisSection, name: str) -> AxisTable | None:
-    """Return the table of an axis; problems of the file go to ``findings``."""
+def read_file(
+    findings: Findings, key: KeyPath, path: Path, axis: AxisSection, name: str, *, allowed: Path | None
+) -> AxisTable | None:
+    """Return the table of an axis, and problems of the file to ``findings``; see :func:`table_in`."""
     is_taken_up = axis.backlash is not None
-    loaded = table_in(findings, key, path, context_of(axis, name), lost_motion_is_taken_up=is_taken_up)
-    return None if loaded is None else AxisTable(loaded.table.in_units(axis.units), loaded, path)
+    found = table_in(
+        findings, key, path, context_of(axis, name), allowed=allowed, lost_motion_is_taken_up=is_taken_up
+    )
+    if found is None:
+        return None
+    loaded, signer = found
+    return AxisTable(loaded.table.in_units(axis.units), loaded, path, signer)
 
 
 def table_in(
-    findings: Findings, key: KeyPath, path: Path, context: FileContext, *, lost_motion_is_taken_up: bool
-) -> LoadedTable | None:
-    """Return the content of a file; problems go to ``findings``. None if it cannot be read."""
+    findings: Findings,
+    key: KeyPath,
+    path: Path,
+    context: FileContext,
+    *,
+    allowed: Path | None,
+    lost_motion_is_taken_up: bool,
+) -> tuple[LoadedTable, str] | None:
+    """Return the content of a file and who signed it; problems go to ``findings``. None if it does not count.
+
+    Every table in force comes from here. ``allowed`` is the file of those who may sign; None: nobody has to.
+    The bytes that are checked are those that are read.
+    """
+    if allowed is not None and findings.is_refused(signatures.KEY):
+        return None  # no signature can be checked, and that is said
     try:
-        loaded = inspect_table(path, context)
+        content = read_bytes(path)
+        signer = "" if allowed is None else signatures.signer_of(path, content, allowed)
+        loaded = parse_table(content, str(path), context)
+    except signatures.SignatureRefusedError as error:
+        findings.refuse_elsewhere(key, Problem(str(path), key_text(key), error.found, error.remedy))
+        return None
     except TabFileError as error:
         for problem in error.problems:
             code = f"{problem.code} " if problem.code else ""
             found = "; ".join((f"{code}{problem.found}", *_numbered(problem.readings)))
-            allowed = f"allowed: {problem.allowed}" if problem.allowed else ""
-            located = Problem(str(path), key_text(key), found, allowed, problem.line)
+            remedy = f"allowed: {problem.allowed}" if problem.allowed else ""
+            located = Problem(str(path), key_text(key), found, remedy, problem.line)
             findings.refuse_elsewhere(key, located)
         return None
     for lint in loaded.lints:
@@ -114,7 +142,7 @@ def table_in(
             lint.severity is LintSeverity.WARNING and lint.code != COVERAGE_LINT
         ):
             findings.warnings.append(remark)
-    return loaded
+    return loaded, signer
 
 
 def _backlash_of(loaded: LoadedTable) -> str:

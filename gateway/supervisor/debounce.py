@@ -4,7 +4,7 @@ Some editors write in place, some write a second file and rename it, some first 
 link takes time. A file that is read in the middle of this has content that was never intended.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Final
 
@@ -14,6 +14,8 @@ STILL_UNSEEN_S: Final = 10.0
 """The same where the system does not tell who writes the file: longer than a copy over a slow link pauses."""
 GONE_S: Final = 5.0
 """A file is gone after so long. Editors move it away and back within a fraction of this."""
+UNSIGNED_S: Final = 10.0
+"""A file whose signature is missing or older is stable after so long: longer than copying both takes."""
 OVERDUE_S: Final = 30.0
 """A file that has not been stable for so long is reported: no save takes this long."""
 
@@ -29,14 +31,18 @@ class FileStamp:
     is_being_written: bool | None = False
     """Whether a program of this machine has it open for writing; None if the system does not tell."""
     changed_ns: int = 0
-    """When it was last written to, by the clock of its file system."""
+    """When it or its signature was last written to, by the clock of its file system."""
+    is_signature_due: bool = field(default=False, compare=False)
+    """Whether signatures are asked for, and that of the file is missing or older than it: it may come yet."""
 
     @property
     def still_s(self) -> float:
         """After how long without a change it may be read, or is gone."""
         if not self.is_there:
             return GONE_S
-        return STILL_UNSEEN_S if self.is_being_written is None else STILL_S
+        if self.is_being_written is None:
+            return STILL_UNSEEN_S
+        return UNSIGNED_S if self.is_signature_due else STILL_S
 
 
 class FileStability(Enum):

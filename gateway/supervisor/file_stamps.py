@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
+from gateway.config.signatures import signature_path
 from gateway.files import mark_of
 from gateway.supervisor.debounce import FileStamp
 from gateway.tabfile import TabFileError, TableState, find_table
@@ -24,31 +25,44 @@ def ignore_broken_leases() -> None:
     signal.signal(signal.SIGIO, signal.SIG_IGN)
 
 
-def scan(folder: Path, names: Iterable[str]) -> Mapping[str, FileStamp]:
+def scan(folder: Path, names: Iterable[str], *, signed: bool = False) -> Mapping[str, FileStamp]:
     """Return the stamp of each file, by name; symlinks are followed. Blocks as long as the file system does.
 
-    If the folder cannot be read, its files count as unreadable, not as gone.
+    If the folder cannot be read, its files count as unreadable, not as gone. ``signed``: each file must have
+    a signature (``config.signatures``). A signature is a part of its file whether it must have one or not.
     """
-    return {name: _stamp(folder, name) for name in set(names)}
+    return {name: _stamp(folder, name, signed=signed) for name in set(names)}
 
 
-def _stamp(folder: Path, name: str) -> FileStamp:
+def _stamp(folder: Path, name: str, *, signed: bool) -> FileStamp:
     try:
         found = find_table(folder, name)
     except TabFileError as error:
         return FileStamp(is_there=True, mark=(str(error),))
     if found.state is not TableState.PRESENT:
         return FileStamp(is_there=False)
+    table, signature = _stamp_of(found.path), _stamp_of(signature_path(found.path))
+    writers = {table.is_being_written, signature.is_being_written}
+    return FileStamp(
+        is_there=True,
+        mark=(table.mark, signature.mark),
+        is_being_written=True if True in writers else None if None in writers else False,
+        changed_ns=max(table.changed_ns, signature.changed_ns),
+        is_signature_due=signed and signature.changed_ns < table.changed_ns,
+    )
+
+
+def _stamp_of(path: Path) -> FileStamp:
     try:
-        status = found.path.stat()
+        status = path.stat()
     except FileNotFoundError:
         # The name exists but its target does not: a symlink that is being swapped, or dangles.
-        return FileStamp(is_there=True, mark=(found.path.name, errno.ENOENT))
+        return FileStamp(is_there=True, mark=(path.name, errno.ENOENT))
     except OSError as error:
-        return FileStamp(is_there=True, mark=(found.path.name, error.errno))
-    mark = (found.path.name, *mark_of(status), status.st_mode, status.st_ctime_ns)
+        return FileStamp(is_there=True, mark=(path.name, error.errno))
+    mark = (path.name, *mark_of(status), status.st_mode, status.st_ctime_ns)
     is_file = stat.S_ISREG(status.st_mode)  # opening anything else may have an effect
-    is_being_written = is_file and _is_being_written(found.path)
+    is_being_written = is_file and _is_being_written(path)
     if is_being_written and _is_by_server(status.st_dev):
         is_being_written = None
     return FileStamp(

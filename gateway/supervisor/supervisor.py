@@ -291,7 +291,7 @@ class Supervisor:
     def _configure(self, loaded: Loaded) -> None:
         """Apply a configuration; unchanged parts change nothing."""
         self._name_gateway(loaded.plan.name)
-        self._follow(loaded.tables_folder)
+        self._follow(loaded.tables_folder, signed=loaded.sections.allowed_signers is not None)
         self._http.configure(loaded.sections.http, loaded.plan.name, loaded.path.parent)
         mqtt = loaded.sections.mqtt
         folder = loaded.path.parent
@@ -301,12 +301,12 @@ class Supervisor:
         topics = self._temperatures.topics
         self._mqtt.follow(None if mqtt is None else settings_of(mqtt, loaded.plan.name, folder, topics))
 
-    def _follow(self, folder: Path) -> None:
+    def _follow(self, folder: Path, *, signed: bool) -> None:
         if self._waker is None or folder != self._watch.folder:
             if self._waker is not None:
                 self._waker.cancel()
             self._waker = asyncio.create_task(wake_on_change(folder, self._watch.wake, self._cannot_watch))
-        self._watch.follow(folder, self._reloader.names)
+        self._watch.follow(folder, self._reloader.names, signed=signed)
 
     def _cannot_watch(self, why: str) -> None:
         detail = f"{why}; the folder is still read every second"

@@ -155,9 +155,10 @@ class Reloader:
     ) -> ReloadOutcome:
         """Read the tables and bring everything up to date; ``before`` is the last compiled plan."""
         names = _names(configured)
-        seen = scan(configured.tables_folder, names.values())
+        signed = configured.sections.allowed_signers is not None
+        seen = scan(configured.tables_folder, names.values(), signed=signed)
         loaded = reread_tables(configured)
-        seen_after = scan(configured.tables_folder, names.values())
+        seen_after = scan(configured.tables_folder, names.values(), signed=signed)
         read = {
             name: stamp
             for name, stamp in seen.items()
@@ -245,7 +246,8 @@ def _may_count(name: str, stamp: FileStamp, still: Still | None) -> bool:
         return True
     if not stamp.is_there:
         return False
-    return stamp.is_being_written is not None or wall_s() - stamp.changed_ns / NS_PER_S >= stamp.still_s
+    may_come_yet = stamp.is_being_written is None or stamp.is_signature_due
+    return not may_come_yet or wall_s() - stamp.changed_ns / NS_PER_S >= stamp.still_s
 
 
 def _saving(loaded: Loaded, seen: Mapping[str, FileStamp], waiting: Collection[str]) -> Iterator[str]:

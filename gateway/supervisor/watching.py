@@ -29,12 +29,17 @@ class Watch:
         self._files: dict[str, FileDebounce] = {}
         self._names: Mapping[str, str] = {}
         self._folder = Path()
+        self._signed = False
         self._stamps: Mapping[str, FileStamp] = {}
         self._looked_s = time.monotonic()
         self._woken = asyncio.Event()
 
-    def follow(self, folder: Path, names: Mapping[str, str]) -> None:
-        """Follow these files from now on: the name of each axis's table, and the common folder."""
+    def follow(self, folder: Path, names: Mapping[str, str], *, signed: bool = False) -> None:
+        """Follow these files from now on: the name of each axis's table, and the common folder.
+
+        ``signed``: each must have a signature.
+        """
+        self._signed = signed
         if folder == self._folder and names == self._names:
             return  # not woken: a caller that follows after each reading would poll without a pause
         if folder != self._folder:
@@ -89,7 +94,7 @@ class Watch:
     async def scan(self) -> bool:
         """Poll all files; return whether any is ready to be read."""
         folder, names = self._folder, list(self._files)
-        stamps = await in_thread(partial(scan, folder, names))
+        stamps = await in_thread(partial(scan, folder, names, signed=self._signed))
         if folder != self._folder or set(names) != self._files.keys():
             return False  # other files are followed by now
         self._stamps, self._looked_s = stamps, time.monotonic()

@@ -8,7 +8,7 @@ from gateway.tabfile.decoded import Decoded, Lint, LintSeverity, LoadedTable, So
 from gateway.tabfile.dialects import DIALECTS, Dialect, UnitsOf, dialect_named
 from gateway.tabfile.errors import ContextError, FileProblem, TabFileError
 from gateway.tabfile.explanation import PositionExplanation, explain
-from gateway.tabfile.load import dialect_of, inspect_table, parse_table, read_table
+from gateway.tabfile.load import dialect_of, inspect_table, parse_table, read_bytes, read_table
 from gateway.tabfile.names import KEEP_ONE, FoundTable, TableState, axis_of_name, find_axis_tables, find_table
 from gateway.tabfile.options import OPTIONS, ErrorSense, FileContext, HomeSide, TableOptions, V1Layout
 from gateway.tabfile.writing import WriteOptions, Written
@@ -45,5 +45,6 @@ __all__ = [
     "find_table",
     "inspect_table",
     "parse_table",
+    "read_bytes",
     "read_table",
 ]

@@ -28,5 +28,5 @@ def test_resolved_has_colours_on_a_terminal_and_no_line_is_cut(tmp_path: Path) -
         assert process.wait(60) == 0
     os.close(ours)
     first = shown.splitlines()[0]
-    assert b"\x1b[1mgateway.name\x1b[0m = \x1b[32m\"trial\"\x1b[0m" in first
+    assert b'\x1b[1mgateway.name\x1b[0m = \x1b[32m"trial"\x1b[0m' in first
     assert f"{path}:3".encode() in first

@@ -251,6 +251,7 @@ def test_of_the_keys_that_name_a_file_those_of_secrets_are_marked() -> None:
         *("mqtt.password_file", "mqtt.tls.key"),
     }
     assert {key for key, secret in is_secret.items() if not secret} == {
+        "gateway.allowed_signers",
         *("http.tls.certificate", "http.tls.clients", "http.tls.revoked", "mqtt.tls.ca", "mqtt.tls.cert"),
         *(f"line.controllers.tls.{key}" for key in ("certificate", "clients", "revoked")),
     }

@@ -108,6 +108,16 @@ def test_the_ends_of_a_table_that_repeats_stay_equal(tmp_path: Path) -> None:
     assert editing.state().refusals == []
 
 
+def test_a_save_says_that_the_signature_was_for_the_file_as_it_was(file: Path) -> None:
+    file.with_name("cnc10x.tab.sig").write_text("a signature")
+    editing = opened(file)
+    editing.change(0, "forward", 7.0, together=False)
+    assert editing.save() == (
+        "cnc10x.tab is saved; the file as it was is in cnc10x.tab.bak. Its signature was for that one: "
+        f"sign it again: ssh-keygen -Y sign -n pitch-gateway -f KEY {file}"
+    )
+
+
 def test_an_error_keeps_the_table_from_being_saved_and_is_named(file: Path) -> None:
     editing = opened(file)
     # 600 µm: above 0.5 mm (L12), and with 589 µm more over 100 mm a slope of 0.0059, which is allowed

@@ -17,6 +17,7 @@ from tests.support.commands import Typed, typed
 from tests.support.config import RAMP, axis, gateway_toml, line, one_axis, section, tcp
 from tests.support.config import written as written_config
 from tests.support.interventions import written as written_journal
+from tests.support.signing import Signer, needs_ssh_keygen
 
 SECRET = "marker-of-a-secret"
 PEM = f"-----BEGIN PRIVATE KEY-----\n{SECRET}\n-----END PRIVATE KEY-----\n" + SECRET * 20
@@ -252,3 +253,36 @@ def test_a_folder_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
     with pytest.raises(EvidenceError, match="Directory not empty"):
         write(Evidence({"a": b""}), out)
     assert [path.name for path in tmp_path.rglob("*")] == ["out", "mine"]
+
+
+def parts_of(config: Path) -> Evidence:
+    return gather(
+        load(config, checks_times=False, forgives_tables=True, is_elsewhere=True), lambda _line: None
+    )
+
+
+def test_included_files_are_merged_and_listed_with_their_digests(tmp_path: Path) -> None:
+    plant = tmp_path / "plant.toml"
+    plant.write_text(f"# {SECRET}\n[axis.x]\nmax_slope = 0.005\n")
+    made = parts_of(written(tmp_path, f'include = ["plant.toml"]\n{GUARDED}'))
+    configuration = made.files["configuration.toml"].decode()
+    assert tomllib.loads(configuration)["axis"]["x"]["max_slope"] == 0.005
+    assert SECRET not in configuration
+    digest = hashlib.sha256(plant.read_bytes()).hexdigest()
+    assert f"| included files | `{plant}`, SHA-256 `{digest}` |" in made.files["INDEX.md"].decode()
+
+
+@needs_ssh_keygen
+def test_signatures_are_there_and_the_index_says_whose_they_are(tmp_path: Path) -> None:
+    eva = Signer(tmp_path, "eva")
+    (tmp_path / "signers").write_text(eva.line())
+    signed = GUARDED.replace('name = "mill-1"', 'name = "mill-1"\nallowed_signers = "signers"', 1)
+    config = written(tmp_path, signed)
+    assert "x.tab: not signed: there is no x.tab.sig; sign it: " in parts_of(config).problems[0]
+    signature = eva.sign(tmp_path / "tables" / "x.tab")
+    made = parts_of(config)
+    assert made.problems == []
+    assert "x.tab: signed by eva@plant" in made.notes
+    assert made.files["tables/x.tab.sig"] == signature.read_bytes()
+    assert made.files["allowed_signers"] == eva.line().encode()
+    assert eva.key.read_bytes() not in made.files.values()

@@ -19,6 +19,7 @@ from gateway.commissioning.refining import as_old, letter_for
 from gateway.commissioning.table_options import ReadOptions
 from gateway.compensation.errors import TableError
 from gateway.compensation.table import CorrectionTable, make_table
+from gateway.config.signatures import sign_command, signature_path
 from gateway.files import FileRefusedError, write_file
 from gateway.report.words import scale_of, shortest
 from gateway.tabfile import (
@@ -317,7 +318,10 @@ class Editing:
             raise EditError(f"not saved: {error}") from None
         self._on_disk = written.text.encode(written.encoding)
         self._saved = self._history[self._at]
-        return f"{self.file.name} is saved; the file as it was is in {self._backup.name}"
+        saved = f"{self.file.name} is saved; the file as it was is in {self._backup.name}"
+        if not signature_path(self.file).exists():
+            return saved
+        return f"{saved}. Its signature was for that one: sign it again: {sign_command(self.file)}"
 
     def save_copy(self) -> str:
         """Write what is shown beside the file, under a new name; say so.

@@ -24,6 +24,7 @@ from gateway.config.findings import Document
 from gateway.config.load import Loaded
 from gateway.config.resolved import written_secrets
 from gateway.config.settings_of import settings_of
+from gateway.config.signatures import SUFFIX, SignatureRefusedError, signature_path, signer_of
 from gateway.config.toml import STRING
 from gateway.files import FileRefusedError, read_regular_file, write_file
 from gateway.plain import Json, JsonObject
@@ -42,6 +43,7 @@ ANSWERS: Final[Mapping[str, str]] = {
     "substantial-modification.md": "a form with the questions of Regulation (EU) 2023/1230, Article 3(16)",
     "journal.jsonl": "who changed what (`pitch-gateway journal verify journal.jsonl`)",
     "configuration.toml": "the configuration without comments and secrets",
+    "allowed_signers": "who may sign tables",
 }
 INDEX, MANIFEST = "INDEX.md", "manifest.sha256"
 LARGEST_FILE: Final = 16 * 1024 * 1024
@@ -104,6 +106,8 @@ def gather(loaded: Loaded, say: Callable[[str], None]) -> Evidence:
         made.notes += [f"warning: {each}" for each in reading.findings.warnings]
     for cross in (each for crosses in loaded.crosses.values() for each in crosses):
         made.files[f"tables/{cross.path.name}"] = _read(cross.path)
+    if (allowed := loaded.sections.gateway.allowed_signers) is not None:
+        _add_signatures(made, loaded, loaded.path.parent / allowed)
     for drive in {each.name for each in loaded.drives.values() if not each.is_shipped}:
         made.files[f"drives/{drive.removeprefix('./').replace('/', '_')}"] = _read(loaded.path.parent / drive)
     _add(made, INDEX, _index(made, loaded, journal))
@@ -246,6 +250,20 @@ def _add_table(made: Evidence, path: Path, table: LoadedTable | None, axis: str)
         made.notes.append(f"{path.name}: no report ({error})")
 
 
+def _add_signatures(made: Evidence, loaded: Loaded, allowed: Path) -> None:
+    """Add what proves who signed the tables, and whether it does."""
+    made.files["allowed_signers"] = _read(allowed)
+    paths = {reading.path for reading in loaded.readings.values() if reading.table is not None}
+    paths |= {cross.path for crosses in loaded.crosses.values() for cross in crosses}
+    for path in sorted(paths):
+        try:
+            signer = signer_of(path, _read(path), allowed)
+            made.files[f"tables/{signature_path(path).name}"] = _read(signature_path(path))
+            made.notes.append(f"{path.name}: signed by {signer}")
+        except SignatureRefusedError as error:
+            made.problems.append(f"{path}: {error}")
+
+
 def _index(made: Evidence, loaded: Loaded, journal: list[str]) -> str:
     owner = tomllib.loads((files(__package__) / "owner.toml").read_text(encoding="utf-8"))
     filled = {key: NOT_FILLED_IN if text.endswith(UNFILLED) else text for key, text in owner.items()}
@@ -281,4 +299,6 @@ def _index(made: Evidence, loaded: Loaded, journal: list[str]) -> str:
 def _answer(name: str) -> str:
     if name.startswith("drives/"):
         return "register map of a drive, as the configuration names it"
+    if name.endswith(SUFFIX):
+        return "signature of a table (`ssh-keygen -Y verify`)"
     return "the table as a report" if name.endswith(".html") else "correction table"

@@ -13,6 +13,7 @@ from gateway.compensation.curve import check_closes
 from gateway.compensation.errors import CompensationError, TableError
 from gateway.compensation.settings import AxisSettings, OutsideKind, ReversalKind, Setpoints
 from gateway.compensation.table import CorrectionTable
+from gateway.config import signatures
 from gateway.config.axis_model import AxisSection
 from gateway.config.checks.lines import controller_key, drives_key
 from gateway.config.crosses import Crosses
@@ -279,12 +280,16 @@ def check_open_files(
     readings: Mapping[str, TableReading],
     drives: Mapping[str, NamedProfile],
     crosses: Crosses,
+    *,
+    allowed_signers: Path | None,
 ) -> None:
     """Warn of each file that every user may write to, and of each folder where every user may replace one."""
     config = findings.document.path
     found: dict[Path, KeyPath] = {config.parent: (), config: (), tables_folder: ("gateway", "tables")}
     for part in findings.document.parts:
         found |= {path: found.get(path, (INCLUDE,)) for path in (part.path.parent, part.path)}
+    if allowed_signers is not None:
+        found[allowed_signers] = signatures.KEY
     for path, key in _named(config, readings, drives, crosses):
         found.setdefault(path, key)
     for path, key in found.items():
@@ -316,6 +321,20 @@ def _is_sticky_folder(path: Path) -> bool:
     except OSError:
         return True
     return stat.S_ISDIR(mode) and bool(mode & stat.S_ISVTX)
+
+
+# --- Who may sign tables
+
+
+def check_signers(findings: Findings, sections: Sections) -> None:
+    """Refuse a file of allowed signers with which no table can be checked."""
+    allowed = sections.allowed_signers
+    if allowed is None:
+        return
+    try:
+        signatures.check_tools(allowed)
+    except signatures.SignatureRefusedError as error:
+        findings.refuse(signatures.KEY, error.found, error.remedy)
 
 
 # --- What the user may not open: ports below 1024, and serial ports of a group without the user
@@ -387,7 +406,7 @@ def _reading(part: Findings, sections: Sections, folder: Path, name: str, axis: 
     table: AxisTable | None = None
     # Without scale and units the table cannot be interpreted, but its presence is known.
     if found is not None and found.state is TableState.PRESENT and name not in sections.partial_axes:
-        table = read_file(part, key, path, axis, name)
+        table = read_file(part, key, path, axis, name, allowed=sections.allowed_signers)
     if table is not None:
         check_table(part, name, axis, table)
     is_good = not part.problems
