@@ -81,12 +81,15 @@ def state_folder_or_exit(config: Path) -> Path:
 
     A running gateway can be commanded while its configuration is being edited.
     """
+    from gateway.config.findings import read_document
     from gateway.config.included import read_configuration
     from gateway.config.problems import ConfigErrors
-    from gateway.state.folder import state_folder_anyway
+    from gateway.state.folder import names_state, state_folder_anyway
 
     try:
-        document = read_configuration(config)
+        document = read_document(config)
+        if not names_state(document.tables):
+            document = read_configuration(config)
     except ConfigErrors as errors:
         for problem in errors.problems:
             typer.echo(problem, err=True)

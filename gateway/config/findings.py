@@ -39,10 +39,6 @@ _TWICE: Final = re.compile("overwrite|declare|duplicate|namespace", re.IGNORECAS
 """The standard reader's words for keys and tables that are given twice."""
 
 
-MERGED: Final = "# Merged from "
-"""A text that begins so was made of several files: its lines are those of no file."""
-
-
 class Place(NamedTuple):
     """Where a value is written; None: the line is not known."""
 
@@ -107,8 +103,12 @@ def read_document(path: Path, what: str = "a configuration file") -> Document:
     return parse_document(path, text, {str(path.resolve()): sha256})
 
 
-def parse_document(path: Path, text: str, files: Mapping[str, str] | None = None) -> Document:
+def parse_document(
+    path: Path, text: str, files: Mapping[str, str] | None = None, *, has_lines: bool = True
+) -> Document:
     """Parse the text of the TOML file at ``path``, which was read from ``files``; no file is read.
+
+    Without ``has_lines`` its lines are those of no file.
 
     Raises:
         ConfigErrors: it is not TOML; with line and column.
@@ -123,8 +123,7 @@ def parse_document(path: Path, text: str, files: Mapping[str, str] | None = None
         raise _syntax_error(path, text, error) from None
     if (line := _too_deep_at(tables, text)) is not None:
         raise _refuse(path, *TOO_DEEP, line)
-    lines = KeyLines("" if text.startswith(MERGED) else text)
-    return Document(path, tables, lines, files or {}, text)
+    return Document(path, tables, KeyLines(text if has_lines else ""), files or {}, text)
 
 
 def _too_deep_at(tables: Mapping[str, Any], text: str) -> int | None:

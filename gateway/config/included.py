@@ -6,11 +6,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from gateway.config.findings import MERGED, Document, Findings, read_document
+from gateway.config.findings import Document, Findings, read_document
 from gateway.config.problems import ConfigErrors, Problem, key_text
 from gateway.config.toml import KeyLines
 from gateway.state.include import INCLUDE, IncludeError, included_files, merged
 
+MERGED: Final = "# Merged from "
+"""A text that begins so was made of several files: its lines are those of no file."""
 _BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 

@@ -46,9 +46,14 @@ def state_folder(config: Path) -> Path:
     """Return the state folder of a configuration, without checking anything else of it.
 
     Raises:
-        StateError: the configuration or a file that it includes cannot be read, or is not TOML.
+        StateError: the configuration cannot be read, or is not TOML; or a file that it includes, if the
+            folder may be named there.
     """
-    named = _named(merged(configuration_files(config).values()))
+    try:
+        own = _toml_of(config, config)
+    except FileRefusedError as error:
+        raise StateError(str(error)) from None
+    named = _named(own if names_state(own) else merged(configuration_files(config).values()))
     if not _is_a_name(named):
         raise StateError(f"{starts.NO_FOLDER_NAME.begin(found=named)}; allowed: a folder")
     return config.parent / named
@@ -88,6 +93,12 @@ def state_folder_anyway(config: Path, document: Mapping[str, Any]) -> Path:
     """Return the state folder of a configuration; the default if it names none that is possible."""
     named = _named(document)
     return config.parent / (named if _is_a_name(named) else DEFAULT_STATE)
+
+
+def names_state(document: Mapping[str, Any]) -> bool:
+    """Whether a file names the state folder; what it includes cannot name another one then."""
+    section = document.get("gateway")
+    return isinstance(section, dict) and "state" in section
 
 
 def _named(document: Mapping[str, Any]) -> object:

@@ -12,7 +12,7 @@ from typing import Any
 from gateway.clock import wall_s
 from gateway.config.compile import compile_into_state, keys_of, named_sources
 from gateway.config.findings import parse_document
-from gateway.config.included import read_configuration
+from gateway.config.included import MERGED, read_configuration
 from gateway.config.last_good import Settled, TableSource, settle
 from gateway.config.load import Loaded, load, load_document, reread_tables
 from gateway.config.problems import ConfigErrors, Problem
@@ -140,7 +140,8 @@ class Reloader:
         if plan is None:
             return None
         try:
-            document = parse_document(self._config, plan.configuration, plan.sources)
+            has_lines = not plan.configuration.startswith(MERGED)
+            document = parse_document(self._config, plan.configuration, plan.sources, has_lines=has_lines)
             return load_document(document, checks_times=False, forgives_tables=True)
         except ConfigErrors:
             return None

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.cli.configuration import state_folder_or_exit
 from gateway.commissioning.evidence.folder import without_secrets
 from gateway.commissioning.recordings import plan_of
 from gateway.config.compile import compile_into_state
@@ -254,9 +255,7 @@ def test_what_was_merged_is_read_again_without_its_files(tmp_path: Path) -> None
     path = site(tmp_path, a="[capture]\nkeep = 3\n")
     document = read_configuration(path)
     assert document.text.startswith("# Merged from 'conf.d/a.toml', 'gateway.toml'\n")
-    again = parse_document(path, document.text)
-    assert again.tables == document.tables == load(path).document.tables
-    assert again.lines.of(("capture", "keep")) is None  # its lines are those of no file
+    assert parse_document(path, document.text).tables == document.tables == load(path).document.tables
 
 
 def test_a_recording_has_what_was_merged(tmp_path: Path) -> None:
@@ -373,6 +372,16 @@ def test_an_included_file_that_is_no_toml_is_named_at_a_start(compiled: Path) ->
         state_folder(compiled)
 
 
+def test_a_gateway_can_be_commanded_while_an_included_file_is_edited(tmp_path: Path) -> None:
+    path = site(tmp_path, a="half edi")
+    with pytest.raises(StateError):
+        state_folder(path)  # which may be named there
+    path.write_text(path.read_text().replace('name = "trial"', 'name = "trial"\nstate = "kept"'))
+    assert state_folder(path) == state_folder_or_exit(path) == tmp_path / "kept"
+    (tmp_path / "conf.d" / "a.toml").write_text('[gateway]\nstate = "another"\n')
+    assert load(path).state_folder == tmp_path / "kept"
+
+
 # What a running gateway takes from it.
 
 
@@ -408,3 +417,15 @@ def test_a_table_that_changes_later_leaves_a_plan_that_starts(compiled: Path) ->
     found = read_plan(state_folder(compiled), compiled)
     assert found.plan.lines[0].axes[0].settings.max_slope == 0.007
     assert {Path(name).name for name in found.sources} == {"a.toml", "gateway.toml"}
+
+
+def test_a_supervisor_that_finds_a_broken_file_goes_on_with_what_was_merged(compiled: Path) -> None:
+    (compiled.parent / "conf.d" / "a.toml").write_text("half edi")
+    compiled.write_text(compiled.read_text().replace('name = "trial"', 'name = "trial"\nstate = "state"'))
+    reloader = Reloader(compiled)
+    (problem,) = reloader.reload({}).problems
+    assert problem.startswith(f"{compiled.parent}/conf.d/a.toml:1:")
+    assert reloader.loaded is not None
+    assert reloader.loaded.sections.axes["x"].max_slope == 0.005
+    # The merged text has lines of its own, which are those of no file.
+    assert reloader.loaded.document.place_of(("axis", "x", "max_slope")) == (compiled, None)
