@@ -140,9 +140,9 @@ def test_a_signature_is_a_part_of_its_file(config: Path, eva: Signer) -> None:
     before = stamp(config)
     assert not before.is_signature_due
     eva.sign(table(config))  # ed25519 signs the same content with the same bytes: it is another file
-    assert stamp(config) != before
+    assert stamp(config).mark != before.mark
     table(config).with_name("x.tab.sig").unlink()
-    assert stamp(config) != before
+    assert stamp(config).mark != before.mark
     assert stamp(config).is_signature_due
 
 
