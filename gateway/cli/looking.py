@@ -59,12 +59,13 @@ def read_status(config: Path, state: Path) -> "Model":
 
 def _silent_after_s(config: Path) -> "Limits":
     """Return what the file says of it, in spite of other problems in it: the relay does not know it."""
-    from gateway.config.findings import Findings, read_document
+    from gateway.config.findings import Findings
+    from gateway.config.included import read_configuration
     from gateway.config.problems import ConfigErrors
     from gateway.config.sections import read_sections
 
     try:
-        return read_sections(Findings(read_document(config))).silent_after_s
+        return read_sections(Findings(read_configuration(config))).silent_after_s
     except ConfigErrors:
         return {}
 

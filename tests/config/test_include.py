@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.configuration import state_folder_or_exit
+from gateway.cli.looking import _silent_after_s
 from gateway.commissioning.evidence.folder import without_secrets
 from gateway.commissioning.recordings import plan_of
 from gateway.config.compile import compile_into_state
@@ -380,6 +381,12 @@ def test_a_gateway_can_be_commanded_while_an_included_file_is_edited(tmp_path: P
     assert state_folder(path) == state_folder_or_exit(path) == tmp_path / "kept"
     (tmp_path / "conf.d" / "a.toml").write_text('[gateway]\nstate = "another"\n')
     assert load(path).state_folder == tmp_path / "kept"
+
+
+def test_a_status_without_a_supervisor_knows_the_keys_of_included_files(tmp_path: Path) -> None:
+    path = written(tmp_path, 'include = ["line.toml"]\n' + gateway_toml())
+    (tmp_path / "line.toml").write_text(line(1, {"cnc": {"tcp": "127.0.0.1:2", "silent_after_s": 90.0}}))
+    assert _silent_after_s(path) == {("xyz", "cnc"): 90.0}
 
 
 # What a running gateway takes from it.
