@@ -370,7 +370,7 @@ def read_file(path: Path, now: datetime) -> FileContent:
         return FileContent(tuple(read_facts(path)), now)
     except FileRefusedError as error:
         try:
-            count, ends = list_ends(path)
+            count, ends, _ = list_ends(path)
         except FileRefusedError:
             raise error from None
     return FileContent((), now, count, ends)

@@ -260,7 +260,7 @@ def warn_of_times(findings: Findings, key: KeyPath, path: Path, now: datetime) -
 def warn_of_list(findings: Findings, key: KeyPath, path: Path, now: datetime) -> None:
     """Warn of a revocation list that has expired or expires soon: then every client is refused."""
     try:
-        _, ends = list_ends(path)
+        _, ends, _ = list_ends(path)
     except FileRefusedError as error:
         findings.warn(key, f"{path}: its last day could not be read ({error.found})", error.remedy)
         return

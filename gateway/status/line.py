@@ -196,6 +196,9 @@ class CertificateStatus(Struct, kw_only=True):
     subject: str = ""
     ends: str | None = None
     days_left: int | None = None
+    sha256: list[str] = []
+    """Of each certificate in the file, in its order, or of its list of revoked ones: the digest of the DER
+    form, as ``openssl x509 -fingerprint -sha256`` shows it."""
 
 
 class Session(Struct, kw_only=True):

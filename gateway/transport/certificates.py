@@ -18,7 +18,7 @@ from gateway.secret_files import secret_path
 from gateway.status.line import CertificateStatus
 
 if TYPE_CHECKING:
-    from cryptography.x509 import Certificate
+    from cryptography.x509 import Certificate, CertificateRevocationList
 
 Taken = TypeVar("Taken")
 
@@ -157,6 +157,8 @@ class Life:
     subject: str
     begins: datetime
     ends: datetime
+    sha256: str
+    """The digest of its DER form, as ``openssl x509 -fingerprint -sha256`` shows it, without colons."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,10 +241,22 @@ def read_lives(path: Path) -> tuple[Life, ...]:
     Raises:
         FileRefusedError: as :func:`read_facts`.
     """
-    return _read(
-        path,
-        lambda one: Life(one.subject.rfc4514_string(), one.not_valid_before_utc, one.not_valid_after_utc),
+    return _read(path, _life_of)
+
+
+def _life_of(certificate: "Certificate") -> Life:
+    return Life(
+        certificate.subject.rfc4514_string(),
+        certificate.not_valid_before_utc,
+        certificate.not_valid_after_utc,
+        _digest_of(certificate),
     )
+
+
+def _digest_of(found: "Certificate | CertificateRevocationList") -> str:
+    from cryptography.hazmat.primitives.hashes import SHA256
+
+    return found.fingerprint(SHA256()).hex()
 
 
 def _read(path: Path, take: Callable[["Certificate"], Taken]) -> tuple[Taken, ...]:
@@ -291,6 +305,7 @@ def facts_of(certificate: "Certificate") -> Facts:
         serial=f"{certificate.serial_number:X}",
         begins=certificate.not_valid_before_utc,
         ends=certificate.not_valid_after_utc,
+        sha256=_digest_of(certificate),
         is_authority=is_authority,
         is_for_servers=usages is None or bool(usages & {ExtendedKeyUsageOID.SERVER_AUTH, anything}),
         is_for_clients=usages is None or bool(usages & {ExtendedKeyUsageOID.CLIENT_AUTH, anything}),
@@ -322,8 +337,8 @@ def _key_of(certificate: "Certificate") -> tuple[str, str]:
     return type(key).__name__, "a kind of key that TLS does not support"
 
 
-def list_ends(path: Path) -> tuple[int, datetime | None]:
-    """Return how many serials a list of revoked certificates has, and when it expires.
+def list_ends(path: Path) -> tuple[int, datetime | None, str]:
+    """Return how many serials a list of revoked certificates has, when it expires, and its SHA-256.
 
     Raises:
         FileRefusedError: it cannot be read, or is no such list.
@@ -336,7 +351,7 @@ def list_ends(path: Path) -> tuple[int, datetime | None]:
     except ValueError as error:
         remedy = "give the authority's list (CRL) in PEM"
         raise FileRefusedError(f"not a list of revoked certificates ({error})", remedy) from None
-    return len(found), found.next_update_utc
+    return len(found), found.next_update_utc, _digest_of(found)
 
 
 # --- The clients that were admitted
@@ -393,6 +408,8 @@ class CertificateInForce:
     """None: a list, or a file that only OpenSSL can read."""
     ends: datetime | None
     """None: never, or unknown."""
+    sha256: str = ""
+    """Of its DER form; "" if only OpenSSL can read the file."""
 
     def problem(self, now: datetime) -> TimeProblem | None:
         """Return the problem with its validity, None if there is none."""
@@ -414,10 +431,11 @@ def read_held(paths: Mapping[str, Path]) -> tuple[CertificateInForce, ...]:
 def _held_in(key: str, path: Path) -> Iterator[CertificateInForce]:
     try:
         if key == "revoked":
-            yield CertificateInForce(key, str(path), None, list_ends(path)[1])
+            _, ends, sha256 = list_ends(path)
+            yield CertificateInForce(key, str(path), None, ends, sha256)
         else:
             for life in read_lives(path):
-                yield CertificateInForce(key, str(path), life, life.ends)
+                yield CertificateInForce(key, str(path), life, life.ends, life.sha256)
     except FileRefusedError:  # `check` reports it; here its expiry stays unknown
         yield CertificateInForce(key, str(path), None, None)
 
@@ -470,7 +488,9 @@ class Endings:
     def status(self, now: datetime) -> list[CertificateStatus]:
         """Return when each file expires: of several certificates in a file, the first to expire counts."""
         first: dict[str, CertificateInForce] = {}
+        digests: dict[str, list[str]] = {}
         for held in self._held:
+            digests.setdefault(held.key, []).extend(filter(None, [held.sha256]))
             if held.key not in first or (held.ends or NEVER) < (first[held.key].ends or NEVER):
                 first[held.key] = held
         return [
@@ -480,6 +500,7 @@ class Endings:
                 subject="" if held.life is None else held.life.subject,
                 ends=None if held.ends is None else held.ends.isoformat(timespec="seconds"),
                 days_left=_days_left(held.ends, now),
+                sha256=digests[key],
             )
             for key, held in first.items()
         ]

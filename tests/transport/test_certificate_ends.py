@@ -1,5 +1,7 @@
 """Certificates that end while a gateway runs: when it is told of, how often, and how many days are left."""
 
+import base64
+import hashlib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -18,6 +20,11 @@ END = datetime(2026, 4, 10, 12, tzinfo=UTC)
 DAY, MINUTE = timedelta(days=1), timedelta(minutes=1)
 SOON_SAID = "tls.certificate: CN=server expires on 2026-04-10"
 ENDED_SAID = "tls.certificate: CN=server expired on 2026-04-10"
+
+
+def digest_of(pem: bytes) -> str:
+    """Of the one certificate or list of a file: its lines without the first and the last are Base64."""
+    return hashlib.sha256(base64.b64decode(b"".join(pem.splitlines()[1:-1]))).hexdigest()
 
 
 class Told:
@@ -109,7 +116,9 @@ def test_of_each_file_the_first_end_is_in_the_status(told: Told, tmp_path: Path,
         "subject": "CN=server",
         "ends": "2026-04-10T12:00:00+00:00",
         "days_left": 3,
+        "sha256": [digest_of(pem) for pem in (both if is_own_first else reversed(both))],
     }
+    assert [each.sha256 for each in status[1:]] == [[digest_of(both[1])], [digest_of(told.list)]]
     # Ten years hold 3653 days: 2028, 2032 and 2036 have a 29th of February.
     assert (status[1].key, status[1].ends) == ("clients", "2036-02-27T12:00:00+00:00")
     assert [each.key for each in status] == ["certificate", "clients", "revoked"]
@@ -133,4 +142,4 @@ def test_what_only_openssl_can_read_has_no_end_and_says_nothing(told: Told, tmp_
     path.write_text("nothing")
     told.endings.take(read_held({"certificate": path, "revoked": tmp_path / "gone"}))
     assert told.at(END, END + 1000 * DAY) == []
-    assert [each.days_left for each in told.endings.status(END)] == [None, None]
+    assert [(each.days_left, each.sha256) for each in told.endings.status(END)] == [(None, []), (None, [])]

@@ -325,7 +325,7 @@ class _Check:
 
     def _revoked(self) -> None:
         try:
-            _, ends = list_ends(Path(self._files.revoked))
+            _, ends, _ = list_ends(Path(self._files.revoked))
         except FileRefusedError as error:
             self._refuse("revoked", f"{self._files.revoked}: {error.found}", error.remedy)
             return
