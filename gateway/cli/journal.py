@@ -150,7 +150,9 @@ def erase(
     *,
     person: Annotated[
         str,
-        typer.Option("--person", metavar="NAME", help="Entries with this name, user or address."),
+        typer.Option(
+            "--person", metavar="NAME", help="Entries with exactly this name, login, user, address or broker."
+        ),
     ] = "",
     before: Annotated[
         str, typer.Option("--before", metavar="DATE", help="Entries before this day, as in 2026-11-30.")
@@ -160,7 +162,7 @@ def erase(
 
     The journal stays whole, and says in an entry which entries that were. The running supervisor does it.
 
-    Exit code 1 if no supervisor runs, or the disk is full.
+    Exit code 1 if no supervisor runs, the disk is full, or no entry has that person.
 
     Examples:
       pitch-gateway journal erase gateway.toml --person anna
@@ -185,6 +187,8 @@ def erase(
         done = ask_supervisor(state_folder_or_exit(config), f"/journal/erase?{query}", "POST", PATIENCE_S)
     except NoSupervisorError as error:
         _end(f"{config}: {error}; the supervisor has to run: it alone writes the journal")
+    if person and not done["entries"]:
+        _end(f"{config}: no entry has exactly {person}; `journal show --json` shows what is in `who`")
     typer.echo(f"who was taken out of {done['entries']} entries")
 
 

@@ -30,6 +30,7 @@ _REMEDIES: Final = {
     errno.EROFS: "mount its disk read-write",
     errno.ENOTDIR: "a file is where a folder should be: move it away",
     errno.EEXIST: "a file is where a folder should be: move it away",
+    errno.EISDIR: "a folder is where a file should be: move it away",
     errno.ENOENT: "make the folder that the path or its link leads to",
     errno.EACCES: "give this user write permission to the folder",
     errno.EPERM: "give this user write permission to the folder",

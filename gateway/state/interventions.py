@@ -16,6 +16,7 @@ import hashlib
 import json
 import os
 import secrets
+import stat
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -48,6 +49,7 @@ TORN: Final = (b"{", b"\0")
 """How the rest of an entry begins after a power cut: as an entry, or with bytes that were never written."""
 OWN: Final = "gateway"
 """``via`` of what the journal says of itself."""
+STRANGER: Final = "is named as a file of the journal and is none"
 Entry = dict[str, Any]
 
 
@@ -159,7 +161,20 @@ class Head:
 
 def files_in(folder: Path) -> list[Path]:
     """Return the files of a journal, oldest first."""
+    return [path for path in _named_in(folder) if _is_file(path)]
+
+
+def strangers_in(folder: Path) -> list[Path]:
+    """Return what is named as a file of a journal and is none: a folder, a link, a device."""
+    return [path for path in _named_in(folder) if not _is_file(path)]
+
+
+def _named_in(folder: Path) -> list[Path]:
     return sorted(path for path in folder.glob(f"[0-9]*{SUFFIX}") if path.stem.isdecimal())
+
+
+def _is_file(path: Path) -> bool:
+    return stat.S_ISREG(path.lstat().st_mode)
 
 
 def head_in(folder: Path) -> Head | None:
@@ -351,7 +366,9 @@ def read_journal(folder: Path, since: str | None = None) -> tuple[Verification, 
         files = files_in(folder)
         entries = list(verification.read(files))
         content = b"".join(path.read_bytes() for path in files)
+        strangers = strangers_in(folder)
     verification.finish()
+    verification.notes += [f"{path.name}: {STRANGER}; move it away" for path in strangers]
     return verification, entries, content
 
 
@@ -378,6 +395,10 @@ class Writer:
         self._file: Path | None = None
         """The file that is written; None: none yet."""
         self._end = Head(0, START)
+        self.strangers: list[Path] = []
+        """As the last call found them: the journal passes their names over."""
+        self.head: Head | None = None
+        """The newest entry, as the last call that succeeded left it; None: there is none."""
 
     def write(self, waiting: deque[Intervention]) -> None:
         """Append all that waits, each synced to the disk, and remove it from ``waiting``.
@@ -430,7 +451,11 @@ class Writer:
                 raise NotADirectoryError(
                     errno.ENOTDIR, os.strerror(errno.ENOTDIR), str(self._folder)
                 ) from None
+        head = self._folder / HEAD_NAME
+        if head.is_dir():  # without a head each call would report a damaged journal
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(head))
         with locked(self._folder, fcntl.LOCK_EX):
+            self.strangers = strangers_in(self._folder)
             for remark in self._find_end():
                 self._put(remark)
             yield
@@ -498,7 +523,11 @@ class Writer:
 
     def _begin_file(self) -> None:
         number = 0 if self._file is None else int(self._file.stem)
-        self._file = self._folder / f"{number + 1:06d}{SUFFIX}"
+        while True:
+            number += 1
+            self._file = self._folder / f"{number:06d}{SUFFIX}"
+            if self._file not in self.strangers:
+                return
 
     def _put(self, one: Intervention) -> None:
         """Append an entry whole or not at all."""
@@ -527,6 +556,7 @@ class Writer:
         if self._end.seq and head_in(self._folder) != self._end:
             content = _canonical({"seq": self._end.seq, "digest": self._end.digest})
             write_whole(self._folder / HEAD_NAME, content + b"\n")
+        self.head = self._end if self._end.seq else None
 
 
 def _backwards(files: list[Path]) -> Iterator[tuple[Path, bytes, int]]:

@@ -112,6 +112,13 @@ class AlarmOutputStatus(Struct, frozen=True, kw_only=True):
     problem: str | None = None
 
 
+class JournalStatus(Struct, frozen=True, kw_only=True):
+    """The newest entry of the journal of interventions; None: none yet."""
+
+    seq: int | None = None
+    digest: str | None = None
+
+
 class SupervisorStatus(Struct, frozen=True, kw_only=True):
     """The supervisor's own status; a ``problem`` is None if all is well."""
 
@@ -121,6 +128,7 @@ class SupervisorStatus(Struct, frozen=True, kw_only=True):
     http: HttpStatus = HttpStatus()
     mqtt: MqttStatus = MqttStatus()
     alarm_output: AlarmOutputStatus = AlarmOutputStatus()
+    journal: JournalStatus = JournalStatus()
 
 
 class AcknowledgedBy(Struct, frozen=True, kw_only=True):

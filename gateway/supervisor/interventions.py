@@ -39,7 +39,9 @@ from gateway.state.folder import FolderProblem, problem_of
 from gateway.state.interventions import (
     FOLDER_NAME,
     OWN,
+    STRANGER,
     Entry,
+    Head,
     Intervention,
     Verification,
     Writer,
@@ -48,7 +50,7 @@ from gateway.state.interventions import (
     newest_files_in,
 )
 from gateway.status.line import CertificateStatus
-from gateway.status.model import RelayModel
+from gateway.status.model import JournalStatus, RelayModel
 from gateway.supervisor.event_log import LogEvent
 from gateway.supervisor.in_thread import FINISH_S, in_thread
 
@@ -66,6 +68,8 @@ KEPT: Final = (*OF_AXES, "configuration", "version", "certificate")
 """Interventions that set a value, which lasts; the others are single events."""
 OF_PEER: Final = ("user", "pid", "program", "login")
 """Fields of an event that say which process sent the command (``ipc.address.Peer``)."""
+OF_PERSON: Final = ("name", "login", "user", "address", "broker")
+"""Fields of ``who`` that say who it was or from where; the others say how."""
 Key = tuple[str, str]
 """What, and of which axis or file."""
 Change = tuple[str, str, str | None, Any]
@@ -104,14 +108,22 @@ class Interventions:
         self._lost = 0
         self._woken = asyncio.Event()
         self._active_s = -settled_s
+        self._newest: Head | None = None
+        """As it was on the disk at the start; None: there was none."""
         self.problem: FolderProblem | None = None
-        """Why entries cannot be written at present."""
+        """Why entries cannot be written at present, or not in the next file."""
+
+    @property
+    def status(self) -> JournalStatus:
+        """Return the newest entry that is on the disk."""
+        head = self._writer.head or self._newest
+        return JournalStatus() if head is None else JournalStatus(seq=head.seq, digest=head.digest)
 
     async def recall(self) -> None:
         """Read the last noted state, and report a journal that was changed; call it first."""
         try:
             async with asyncio.timeout(self._late_s):  # the supervisor has more to do than this journal
-                verification, self._known = await in_thread(partial(_last_state, self._folder))
+                verification, self._known, self._newest = await in_thread(partial(_last_state, self._folder))
         except TimeoutError:
             self._be_late()
         except OSError as error:
@@ -185,14 +197,15 @@ class Interventions:
     async def erase(self, person: str, before: str, cause: Cause) -> int:
         """Take ``who`` out of all entries about a person, or before a time (ISO); return their number.
 
+        ``person`` is the whole value of one of :data:`OF_PERSON`.
+
         Raises:
             OSError: the disk takes nothing.
         """
 
         def is_meant(entry: Entry) -> bool:
-            return bool(before and entry["time"] < before) or bool(
-                person and person in map(str, entry["who"].values())
-            )
+            named = [str(entry["who"][key]) for key in OF_PERSON if key in entry["who"]]
+            return bool(before and entry["time"] < before) or bool(person and person in named)
 
         await self._write()
         by = Intervention("erasure", cause.via, who=cause.who)
@@ -226,18 +239,25 @@ class Interventions:
         except OSError as error:
             self.problem = problem_of(error, self._folder)
         else:
-            self.problem = None
+            self.problem = self._stranger()
         finally:
             late.cancel()
 
+    def _stranger(self) -> FolderProblem | None:
+        for found in self._writer.strangers:
+            return FolderProblem(f"{found}: {STRANGER}", "move it away; meanwhile the journal goes on")
+        return None
 
-def _last_state(folder: Path) -> tuple[Verification, dict[Key, Any]]:
+
+def _last_state(folder: Path) -> tuple[Verification, dict[Key, Any], Head | None]:
+    head: Head | None = None
     state: dict[Key, Any] = {}
     verification = Verification()
     if folder.is_dir():
         with locked(folder):
             files, is_end = newest_files_in(folder)  # a whole journal would hold up the start
-            verification = Verification(head_in(folder), is_end=is_end)
+            head = head_in(folder)
+            verification = Verification(head, is_end=is_end)
             for entry in verification.read(files):
                 with contextlib.suppress(TypeError, ValueError):  # no entry of this program
                     if entry["what"] == "state":
@@ -247,7 +267,7 @@ def _last_state(folder: Path) -> tuple[Verification, dict[Key, Any]]:
                     elif entry["what"] == "start":
                         state["version", "supervisor"] = entry["after"]
         verification.finish()
-    return verification, state
+    return verification, state, head
 
 
 def _changes_of(command: Command, changed: Sequence[str]) -> Iterator[Change]:
@@ -312,4 +332,5 @@ def _state_of(model: RelayModel, certificates: Sequence[CertificateStatus]) -> I
             if controller.tls:
                 held += controller.tls.certificates
     for each in held:
-        yield ("certificate", f"{each.key} {each.file}"), {"subject": each.subject, "ends": each.ends}
+        after = {"subject": each.subject, "ends": each.ends, "sha256": each.sha256}
+        yield ("certificate", f"{each.key} {each.file}"), after

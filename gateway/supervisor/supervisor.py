@@ -415,6 +415,7 @@ class Supervisor:
             http=self._http.status,
             mqtt=self._mqtt.status(),
             alarm_output=self._alarm_output.status,
+            journal=self._interventions.status,
         )
 
     def _reached(self) -> None:

@@ -161,6 +161,16 @@ def _look_and_erase(site: Site) -> None:
     entries = entries_of(site)
     assert entries[-2]["who"] is None
     assert (entries[-1]["what"], entries[-1]["who"]["pid"]) == ("erasure", os.getpid())
+    assert typed("journal", "erase", config, "--person", "shift") == (
+        1,
+        "",
+        f"{config}: no entry has exactly shift; `journal show --json` shows what is in `who`\n",
+    )
+    newest = {"seq": entries[-1]["seq"], "digest": entries[-1]["digest"]}
+    eventually(
+        lambda: json.loads(typed("status", config, "--json").stdout)["supervisor"]["journal"],
+        lambda shown: shown == newest,
+    )
     assert typed("journal", "verify", config, "--since", last).returncode == 0
     assert typed("journal", "verify", config, "--head", last).returncode == 1
     assert typed("journal", "verify", str(exported), "--head", last).returncode == 0

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.state.interventions import Intervention, Writer, files_in
+from gateway.state.folder import problem_of
+from gateway.state.interventions import Intervention, Writer, files_in, read_journal
 from tests.support.interventions import only_file, problems, switched, verified, written
 
 DAY_S = 86_400.0
@@ -144,6 +145,54 @@ def test_since_a_kept_digest_older_damage_does_not_count(tmp_path: Path) -> None
     third = json.loads(path.read_bytes().splitlines()[2])["digest"]
     found, _ = verified(folder, since=third)
     assert (found.problems, found.entries) == ([], 1)
+
+
+# --- What is no file
+
+FOLDER_THERE = "is named as a file of the journal and is none; move it away"
+
+
+@pytest.mark.parametrize("kind", ["folder", "link"])
+def test_what_has_the_name_of_the_next_file_is_passed_over_and_said(tmp_path: Path, kind: str) -> None:
+    folder = written(tmp_path / "interventions", switched("a"))
+    if kind == "folder":
+        (folder / "000002.jsonl").mkdir()
+    else:
+        (folder / "000002.jsonl").symlink_to(tmp_path / "elsewhere")
+    written(folder, switched("b"), file_bytes=only_file(folder).stat().st_size)
+    found, entries, _ = read_journal(folder)
+    assert [path.name for path in files_in(folder)] == ["000001.jsonl", "000003.jsonl"]
+    assert ([entry["axis"] for entry in entries], found.problems) == (["a", "b"], [])
+    assert found.notes == [f"000002.jsonl: {FOLDER_THERE}"]
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_a_folder_in_place_of_a_file_does_not_hide_that_the_file_is_gone(tmp_path: Path) -> None:
+    folder = written(tmp_path / "interventions", switched("a"), switched("b"))
+    only_file(folder).unlink()
+    (folder / "000001.jsonl").mkdir()
+    written(folder, switched("c"))
+    found, entries, _ = read_journal(folder)
+    assert [(entry["seq"], entry["what"]) for entry in entries] == [(3, "damaged"), (4, "compensation")]
+    assert found.problems == [
+        "000002.jsonl:1: says that the journal was damaged before",
+        "the beginning is missing: the first entry is 3",
+    ]
+    assert found.notes == [f"000001.jsonl: {FOLDER_THERE}"]
+
+
+def test_a_folder_in_place_of_the_head_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    folder = written(tmp_path / "interventions", switched("a"), switched("b"))
+    (folder / "head.json").unlink()
+    (folder / "head.json").mkdir()
+    before = only_file(folder).read_bytes()
+    for _ in range(2):
+        with pytest.raises(IsADirectoryError) as caught:
+            written(folder, switched("c"))
+        remedy = "a folder is where a file should be: move it away, or choose another folder with"
+        found = f"{folder / 'head.json'}: Is a directory; {remedy} [gateway] state"
+        assert str(problem_of(caught.value, folder)) == found
+    assert only_file(folder).read_bytes() == before
 
 
 # --- Size and clocks

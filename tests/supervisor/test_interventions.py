@@ -26,7 +26,7 @@ from gateway.ipc.messages import Happened
 from gateway.state.interventions import Entry, files_in, locked
 from gateway.status.axis import AxisStatus, Shares, TableStatus
 from gateway.status.line import CertificateStatus
-from gateway.status.model import GatewayStatus, RelayModel
+from gateway.status.model import GatewayStatus, JournalStatus, RelayModel
 from gateway.supervisor.interventions import MOST_WAITING, Cause, Interventions
 from tests.support.interventions import verified
 
@@ -154,11 +154,15 @@ async def test_what_other_processes_do_is_noted_from_the_events_and_our_own_is_n
 
 
 async def test_a_difference_that_nobody_noted_is_found_also_over_a_restart(tmp_path: Path) -> None:
-    held = CertificateStatus(key="http.tls", file="page.pem", subject="CN=mill", ends="2027-01-01")
+    held = CertificateStatus(
+        key="http.tls", file="page.pem", subject="CN=mill", ends="2027-01-01", sha256=["a" * 64]
+    )
     async with noting(tmp_path) as interventions:
         interventions.compare(model(), (held,))
     begun = len(entries_of(tmp_path))
-    renewed = CertificateStatus(key="http.tls", file="page.pem", subject="CN=mill", ends="2029-01-01")
+    renewed = CertificateStatus(
+        key="http.tls", file="page.pem", subject="CN=mill", ends="2027-01-01", sha256=["b" * 64, "c" * 64]
+    )
     async with noting(tmp_path) as interventions:
         interventions.compare(model("off", 0.5, None), (renewed,))
         interventions.compare(RelayModel(gateway=GatewayStatus(version="1.2.0")), ())  # without the axis
@@ -169,8 +173,8 @@ async def test_a_difference_that_nobody_noted_is_found_also_over_a_restart(tmp_p
         (
             "certificate",
             None,
-            {"subject": "CN=mill", "ends": "2027-01-01"},
-            {"subject": "CN=mill", "ends": "2029-01-01"},
+            {"subject": "CN=mill", "ends": "2027-01-01", "sha256": ["a" * 64]},
+            {"subject": "CN=mill", "ends": "2027-01-01", "sha256": ["b" * 64, "c" * 64]},
             "found",
         ),
         ("version", None, "1.1.0", "1.2.0", "found"),
@@ -277,6 +281,40 @@ async def test_a_link_to_a_disk_that_is_not_there_is_a_problem(tmp_path: Path) -
         assert interventions.problem.found == f"{tmp_path / 'interventions'}: Not a directory"
 
 
+async def test_a_folder_with_the_name_of_the_next_file_is_a_problem_until_it_is_moved_away(
+    tmp_path: Path,
+) -> None:
+    async with noting(tmp_path):
+        pass
+    stranger = tmp_path / "interventions" / "000002.jsonl"
+    stranger.mkdir()
+    async with noting(tmp_path) as interventions:
+        await eventually(lambda: interventions.problem is not None)
+        assert str(interventions.problem) == (
+            f"{stranger}: is named as a file of the journal and is none; move it away; meanwhile the journal "
+            "goes on"
+        )
+        stranger.rmdir()
+        interventions.note("reference", BY, "x", None, "declared")
+        await eventually(lambda: interventions.problem is None)
+    assert [one["what"] for one in entries_of(tmp_path)] == ["start", "start", "reference"]
+
+
+async def test_the_status_has_number_and_digest_of_the_newest_entry(tmp_path: Path) -> None:
+    async with noting(tmp_path) as interventions:
+        assert interventions.status == JournalStatus(seq=None, digest=None)
+        await eventually(lambda: interventions.status.seq == 1)
+        interventions.note("reference", BY, "x", None, "declared")
+        await eventually(lambda: interventions.status.seq == 2)
+        shown = interventions.status
+        assert shown.digest == entries_of(tmp_path)[1]["digest"]
+        assert await interventions.erase("mqtt.example:1883", "", BY) == 1
+        assert interventions.status.seq == 3
+    again = Interventions(tmp_path, ignore)
+    await again.recall()
+    assert again.status == JournalStatus(seq=3, digest=entries_of(tmp_path)[2]["digest"])
+
+
 async def test_a_journal_that_was_changed_is_reported_with_its_first_fault(tmp_path: Path) -> None:
     told: list[tuple[str, dict[str, object]]] = []
 
@@ -292,6 +330,25 @@ async def test_a_journal_that_was_changed_is_reported_with_its_first_fault(tmp_p
     [(event, fields)] = told
     assert (event, fields["count"]) == ("interventions-damaged", 2)
     assert str(fields["detail"]).startswith("000001.jsonl:4: entry 4 was changed")
+
+
+async def test_a_person_is_a_whole_name_or_address_and_nothing_else_that_who_has(tmp_path: Path) -> None:
+    by = Cause("http", {"user": 0})
+    async with noting(tmp_path) as interventions:
+        who = {"user": 1000, "pid": 77, "program": "anna", "login": 1001}
+        interventions.note("acknowledged", Cause("socket", who), None, None, {})
+        who = {"name": "anna", "address": "192.0.2.7"}
+        interventions.note("acknowledged", Cause("http", who), None, None, {})
+        interventions.note("acknowledged", BY, None, None, {})
+        await eventually(lambda: interventions.status.seq == 4)
+        for nobody in ("77", "ann", "Anna", "192.0.2.70", entries_of(tmp_path)[1]["who"]["salt"]):
+            assert await interventions.erase(nobody, "", by) == 0
+        entries = entries_of(tmp_path)
+        assert [one["what"] for one in entries] == ["start", *3 * ["acknowledged"]]
+        assert await interventions.erase("anna", "", by) == 1
+        assert [one["who"] is None for one in entries_of(tmp_path)[1:4]] == [False, True, False]
+        assert await interventions.erase("1001", "", by) == 1
+        assert await interventions.erase("mqtt.example:1883", "", by) == 1
 
 
 async def test_who_is_erased_by_name_or_by_day(tmp_path: Path) -> None:

@@ -123,6 +123,12 @@ def _gateway_components(settings: Settings) -> JsonObject:
             "if value_json.troubles else 'none' }}",
             "icon": "mdi:alert-circle-outline",
         },
+        "journal": {
+            **_sensor(topics.id, "journal", "Journal, newest entry", topics.journal, {}),
+            "value_template": "{{ value_json.seq }}",
+            "json_attributes_topic": topics.journal,
+            "entity_category": "diagnostic",
+        },
     }
 
 

@@ -54,7 +54,9 @@ def retained_messages(settings: Settings, model: Model) -> dict[str, Payload]:
         "troubles": to_builtins(model.troubles),
     }
     tables = {topics.table(name): to_builtins(axis.table) for name, axis in model.axes.items()}
-    return {topics.info: info, **tables}
+    own = model.supervisor
+    journal = {} if own is None else {topics.journal: to_builtins(own.journal)}
+    return {topics.info: info, **journal, **tables}
 
 
 def without_words(payload: Payload) -> Payload:

@@ -55,6 +55,11 @@ class Topics:
         return f"{self.root}/axis/{axis}/table"
 
     @property
+    def journal(self) -> str:
+        """The newest entry of the journal of interventions; retained."""
+        return f"{self.root}/journal"
+
+    @property
     def commands(self) -> str:
         """Filter of all command topics."""
         return f"{self.root}/command/+"

@@ -29,6 +29,7 @@ OWN = {
     "state_folder": {"folder": "state"},
     "http": {"problem": None},
     "mqtt": {"problem": None},
+    "journal": {"seq": 7, "digest": "ef" * 32},
 }
 LATENCY = {"p50": 41.0, "p99": 77.5, "p999": 120.0, "max": 130.0, "max_minute": 101.0, "below": [0, 3, 9]}
 

@@ -53,7 +53,7 @@ def test_one_device_for_the_gateway_and_one_for_each_axis(tmp_path: Path, base: 
         assert TOPIC.fullmatch(topic), topic
         jsonschema.validate(json.loads(json.dumps(payload)), SCHEMA)
     ids = [entity["unique_id"] for payload in messages.values() for entity in payload["cmps"].values()]
-    assert len(ids) == len(set(ids)) == 4 + 3 * 11
+    assert len(ids) == len(set(ids)) == 5 + 3 * 11
 
 
 def test_a_misspelt_key_would_be_found(tmp_path: Path) -> None:
@@ -96,7 +96,7 @@ def test_what_is_added_to_a_table_is_a_message_of_its_own_of_the_same_device(tmp
     assert {**of_terms, "cmps": None} == {**of_axis, "cmps": None}
     assert of_axis == discovery_messages(given(tmp_path), model_of(model()))[f"{DEVICES}/axis_x/config"]
     ids = [one["unique_id"] for payload in told.values() for one in payload["cmps"].values()]
-    assert len(ids) == len(set(ids)) == 4 + 11 + 5
+    assert len(ids) == len(set(ids)) == 5 + 11 + 5
     temperature = of_terms["cmps"]["temperature"]
     assert (temperature["unit_of_measurement"], temperature["device_class"]) == ("°C", "temperature")
     added = of_terms["cmps"]["thermal_added"]

@@ -13,7 +13,16 @@ from gateway.catalogue.process_events import SUPERVISING
 from gateway.ipc.log import LogEntry
 from gateway.status.model import MqttStatus
 from gateway.supervisor.broadcast import EVENTS_KEPT
-from tests.supervisor.mqtt.mqtt_bench import ROOT, axis, connected, data_of, model, publishing, settings
+from tests.supervisor.mqtt.mqtt_bench import (
+    OWN,
+    ROOT,
+    axis,
+    connected,
+    data_of,
+    model,
+    publishing,
+    settings,
+)
 from tests.support.mosquitto import BrokerLeftError, broker_in, payload_of, watching
 from tests.support.processes import started
 from tests.support.status_models import model_of, plain
@@ -34,7 +43,8 @@ async def test_who_comes_late_finds_availability_info_and_tables_and_hears_the_r
             found = {m.topic: payload_of(m) for m in late.heard if m.retain}
             moving = {m.topic: data_of(payload_of(m)) for m in late.heard if not m.retain}
         status = site.status
-    assert set(found) == {f"{ROOT}/availability", f"{ROOT}/info", f"{ROOT}/axis/x/table"}
+    assert set(found) == {f"{ROOT}/{one}" for one in ("availability", "info", "journal", "axis/x/table")}
+    assert data_of(found[f"{ROOT}/journal"]) == OWN["journal"]
     assert found[f"{ROOT}/availability"] == b"online"
     info = data_of(found[f"{ROOT}/info"])
     assert {**info.pop("verdict"), "since": ""} == {
@@ -216,7 +226,10 @@ async def test_what_is_not_there_any_more_is_taken_from_the_broker_also_after_a_
         async with watching(broker.port) as late:
             await late.client.publish("end")
             await late.until("end")
-    assert late.topics() == {f"{ROOT}/availability", f"{ROOT}/info", f"{ROOT}/axis/x/table", "end"}
+    assert late.topics() == {
+        *(f"{ROOT}/{one}" for one in ("availability", "info", "journal", "axis/x/table")),
+        "end",
+    }
 
 
 async def test_words_that_only_say_how_long_something_lasts_are_not_published_each_time(
