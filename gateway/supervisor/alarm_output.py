@@ -7,28 +7,21 @@ computer or the cable dies. The device is on no line of drives, so neither the r
 import asyncio
 import contextlib
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from gateway.backoff import Backoff
 from gateway.catalogue.sensor_events import ALARM_OUTPUT_FAILED, ALARM_OUTPUT_WORKS
 from gateway.config.gateway_model import AlarmOutputSection
-from gateway.modbus.pdu import is_exception
 from gateway.status.model import AlarmOutputStatus, Model
 from gateway.supervisor.active_alarms import is_fresh
+from gateway.supervisor.contacts import ContactError, Switch, connected, contact_of, name_of
 from gateway.supervisor.event_log import LogEvent
 
-if TYPE_CHECKING:
-    from gateway.transport.master import ModbusMaster
-
-PATIENCE_MS: Final = 1000.0
 FIRST_PAUSE_S: Final = 0.1
 LONGEST_PAUSE_S: Final = 3.0
 """Before the next attempt, while the device cannot be reached or does not reply."""
 ENDS_WITHIN_S: Final = 2.0
 """At the end of the supervisor the contact is opened, or left to the watchdog of its device."""
-WRITE_COIL: Final = 5
-CLOSED: Final = bytes((0xFF, 0x00))
-OPEN: Final = bytes((0x00, 0x00))
 WELL: Final = {"error": ("healthy", "waiting", "warning"), "warning": ("healthy", "waiting")}
 """By ``opens_on``: verdicts at which the contact is closed."""
 
@@ -57,8 +50,9 @@ class AlarmOutput:
         section = self._section
         if section is None:
             return AlarmOutputStatus()
-        contact = f"{section.device.endpoint}, unit id {section.unit_id}, coil {section.coil}"
-        return AlarmOutputStatus(contact=contact, is_closed=self._is_closed, problem=self._problem)
+        return AlarmOutputStatus(
+            contact=", ".join(contact_of(section)), is_closed=self._is_closed, problem=self._problem
+        )
 
     def follow(self, section: AlarmOutputSection | None) -> None:
         """Use the contact of a configuration. One that is no longer in it is opened."""
@@ -99,63 +93,50 @@ class AlarmOutput:
         wakes: asyncio.Event,
         before: asyncio.Task[None] | None,
     ) -> None:
-        """Write the coil until ``ends`` is set; ``before`` opens its own contact first."""
-        # This loads serial ports and a Modbus master, which few supervisors need.
-        from gateway.transport.errors import TransportError
-        from gateway.transport.master import NoReplyError
-
+        """Switch the contact until ``ends`` is set; ``before`` opens its own contact first."""
         if before is not None:
             await asyncio.wait([before])
         pause = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
         while not ends.is_set():
             try:
                 await self._write_connected(section, ends, wakes, pause)
-            except (TransportError, NoReplyError, OSError) as error:
-                self._fail(section, str(error).removeprefix(f"{section.device.endpoint} "))
+            except ContactError as error:
+                self._fail(section, str(error))
                 await _at_most(ends, pause.next_s())
 
     async def _write_connected(
         self, section: AlarmOutputSection, ends: asyncio.Event, wakes: asyncio.Event, pause: Backoff
     ) -> None:
-        from gateway.transport.master import ModbusMaster
-
-        async with ModbusMaster(section.device.endpoint, timeout_ms=PATIENCE_MS) as master:
+        async with connected(section) as switch:
             while not ends.is_set():
-                await self._switch(master, section, is_closed=self._is_well(section))
+                await self._switch(switch, section, is_closed=self._is_well(section))
                 pause.reset()
                 await _at_most(wakes, section.every_s)
                 wakes.clear()
             after = self._section
-            if after is section or after is None or _coil_of(after) != _coil_of(section):
-                await self._switch(master, section, is_closed=False)
+            if after is section or after is None or contact_of(after) != contact_of(section):
+                await self._switch(switch, section, is_closed=False)
 
-    async def _switch(self, master: "ModbusMaster", section: AlarmOutputSection, *, is_closed: bool) -> None:
-        request = bytes((WRITE_COIL, *section.coil.to_bytes(2, "big"))) + (CLOSED if is_closed else OPEN)
-        reply = await master.exchange(section.unit_id, request)
+    async def _switch(self, switch: Switch, section: AlarmOutputSection, *, is_closed: bool) -> None:
+        problem = await switch(is_closed)
         if section is not self._section:  # replaced meanwhile: the status shows another one
             return
-        if reply == request:
+        if problem is not None:
+            self._fail(section, problem)
+        else:
             if self._problem is not None:
                 self._problem = None
                 self._log(ALARM_OUTPUT_WORKS)
             self._is_closed = is_closed
-        elif is_exception(reply) and len(reply) > 1:
-            self._fail(section, f"exception {reply[1]:#04x}")
-        else:
-            self._fail(section, f"found {reply.hex(' ')}")
 
     def _fail(self, section: AlarmOutputSection, why: str) -> None:
         if section is not self._section:
             return
         self._is_closed = None
         is_new = self._problem is None
-        self._problem = f"{section.device.endpoint}: {why}"
+        self._problem = f"{name_of(section)}: {why}"
         if is_new:
             self._log(ALARM_OUTPUT_FAILED, detail=self._problem)
-
-
-def _coil_of(section: AlarmOutputSection) -> tuple[str, int, int]:
-    return str(section.device.endpoint), section.unit_id, section.coil
 
 
 async def _at_most(event: asyncio.Event, wait_s: float) -> None:
