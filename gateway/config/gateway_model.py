@@ -1,8 +1,9 @@
 """``[gateway]``, ``[status_unit]``, ``[alarm_output]`` and ``[capture]``."""
 
-from typing import Annotated, Literal
+from collections.abc import Collection
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from gateway.catalogue.events import EVENTS
 from gateway.config.findings import suggest
@@ -74,16 +75,65 @@ class StatusUnitSection(StrictModel):
     )
 
 
+def _read_chip(raw: object) -> str:
+    """Read the path of a GPIO chip. Raises ValueError otherwise."""
+    if not isinstance(raw, str) or not raw.startswith("/") or "\0" in raw:
+        raise ValueError('allowed: the full path of a GPIO chip, as in "/dev/gpiochip0"')
+    return raw
+
+
+class GpioLine(StrictModel):
+    """A line of a GPIO chip, by the names of libgpiod."""
+
+    chip: Annotated[str, BeforeValidator(_read_chip)] = Field(
+        description="path of the chip, as in /dev/gpiochip0",
+        json_schema_extra=documented(kind="path from `/`", more="`gpiodetect` lists them"),
+    )
+    line: Annotated[int, Field(ge=0, le=65535)] = Field(
+        description="number of the line in the chip",
+        json_schema_extra=documented(more="`gpioinfo` lists them. It is no number of a pin of the header"),
+    )
+    active_low: bool = Field(default=False, description="a low level closes the contact")
+
+
+def why_no_gpio() -> str:
+    """Return why GPIO lines cannot be used here, with the remedy; "" if they can."""
+    try:
+        import gpiod
+    except ImportError:
+        why = "the Python package gpiod is not installed"
+    else:
+        if hasattr(gpiod, "request_lines"):
+            return ""
+        why = "the Python package gpiod is older than version 2"
+    return f"{why}; pip install 'pitch-gateway[gpio]' where pitch-gateway is installed"
+
+
 class AlarmOutputSection(StrictModel):
     """A contact that opens when something is wrong, or when the gateway is dead."""
 
-    device: DrivesEndpoint = Field(
+    device: DrivesEndpoint | None = Field(
+        default=None,
         description="the device that has the contact: { tcp = … } or { rtu = … }",
         json_schema_extra=documented(
             kind="table",
+            default="required",
             text=(
                 "the device that has the contact: `tcp`, `rtu` or `rtu_over_tcp`, with the keys of "
-                "[`drives`](#linename). It has an address or a serial port of its own: that of no line"
+                "[`drives`](#linename). It has an address or a serial port of its own: that of no line. "
+                "In place of `device` and `coil` you can write `gpio`"
+            ),
+        ),
+    )
+    gpio: GpioLine | None = Field(
+        default=None,
+        description="the GPIO line that switches the contact: { chip = …, line = … }",
+        json_schema_extra=documented(
+            kind="table",
+            text=(
+                "in place of `device`, the GPIO line that switches the contact: "
+                '`{ chip = "/dev/gpiochip0", line = 17, active_low = false }`. It needs '
+                "`pip install 'pitch-gateway[gpio]'`, and has never run on a chip"
             ),
         ),
     )
@@ -92,7 +142,11 @@ class AlarmOutputSection(StrictModel):
         description="Modbus unit id of the device",
         json_schema_extra=documented(more="0 only with `tcp`"),
     )
-    coil: Address = Field(description="coil of the contact: 1 closes it")
+    coil: Address | None = Field(
+        default=None,
+        description="coil of the contact: 1 closes it",
+        json_schema_extra=documented(default="required", more="Only with `device`"),
+    )
     opens_on: Literal["error", "warning"] = Field(
         default="error",
         description="the lightest verdict that opens it",
@@ -110,6 +164,34 @@ class AlarmOutputSection(StrictModel):
             )
         ),
     )
+
+    @property
+    def modbus(self) -> DrivesEndpoint:
+        """The device, where the contact is no GPIO line."""
+        assert self.device is not None, "a section has a device or a line"
+        return self.device
+
+    @model_validator(mode="after")
+    def _one_contact(self) -> Self:
+        rule = broken_contact_rule(self.model_fields_set)
+        if rule:
+            raise ValueError(rule)
+        return self
+
+
+def broken_contact_rule(keys: Collection[str]) -> str:
+    """Return the rule about its keys that ``[alarm_output]`` breaks, "" for none; values are not checked.
+
+    >>> broken_contact_rule({"gpio", "coil"})
+    'coil belongs to device: leave out beside gpio'
+    """
+    if ("device" in keys) == ("gpio" in keys):
+        return "allowed: exactly one of device, gpio"
+    if "device" in keys:
+        return "" if "coil" in keys else "needed: coil, the coil of the contact: 1 closes it"
+    stray = [key for key in ("unit_id", "coil") if key in keys]
+    verb = "belongs" if len(stray) == 1 else "belong"
+    return f"{', '.join(stray)} {verb} to device: leave out beside gpio" if stray else ""
 
 
 class CaptureSection(StrictModel):

@@ -17,7 +17,13 @@ from gateway.config import values
 from gateway.config.axis_model import AxisSection, GroupSection
 from gateway.config.axis_values import GainValue, OutsideValue, ReversalValue
 from gateway.config.bounds import bounds_text
-from gateway.config.gateway_model import AlarmOutputSection, CaptureSection, GatewaySection, StatusUnitSection
+from gateway.config.gateway_model import (
+    AlarmOutputSection,
+    CaptureSection,
+    GatewaySection,
+    GpioLine,
+    StatusUnitSection,
+)
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import ControllerSection, DrivesEndpoint, LineSection
 from gateway.config.mqtt_model import MqttSection
@@ -87,6 +93,7 @@ TABLES: Final[Mapping[str, KeyTable]] = {
     "status_unit": KeyTable((StatusUnitSection,)),
     "capture": KeyTable((CaptureSection,)),
     "alarm_output": KeyTable((AlarmOutputSection,)),
+    "alarm_output.gpio": KeyTable((GpioLine,)),
     "group": KeyTable((GroupSection,)),
 }
 """By the name of their markers in the document."""

@@ -3,6 +3,8 @@
 Each unit gets one drop-in (systemd.unit(5)). What cannot be restricted stays open, with its reason.
 """
 
+import contextlib
+import grp
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from ipaddress import IPv6Address, ip_address
@@ -130,7 +132,7 @@ def _supervisor_lines(loaded: Loaded) -> Iterator[str]:
         if axis.thermal is not None and axis.thermal.source.modbus is not None:
             addresses.peer(axis.thermal.source.modbus.host, f"the temperature sensor of axis {name}")
     output = loaded.sections.alarm_output
-    contact = None if output is None else output.device.endpoint
+    contact = None if output is None or output.device is None else output.device.endpoint
     if isinstance(contact, TcpEndpoint):
         addresses.peer(contact.host, "[alarm_output] device")
     yield from addresses.lines()
@@ -139,10 +141,22 @@ def _supervisor_lines(loaded: Loaded) -> Iterator[str]:
         yield "PrivateDevices=no"
         yield "SupplementaryGroups=dialout"
         yield from (f"DeviceAllow=char-{kind} rw" for kind in _kinds_of(contact.device) or KINDS)
+    if output is not None and output.gpio is not None:
+        yield "# The GPIO line of [alarm_output]: docs/install.md has the group and the udev rule."
+        yield "PrivateDevices=no"
+        yield from ["SupplementaryGroups=gpio"] if _is_group("gpio") else ["# There is no group gpio here."]
+        yield "DeviceAllow=char-gpiochip rw"
     ports = [] if page is None else [page.port]
     yield from _port_lines(ports)
     if _low(ports):
         yield from OWN_NAMESPACE
+
+
+def _is_group(name: str) -> bool:
+    """Whether there is such a group here: systemd starts no service of a group that is missing."""
+    with contextlib.suppress(KeyError):
+        return bool(grp.getgrnam(name))
+    return False
 
 
 def _device_lines(devices: Iterable[str]) -> Iterator[str]:

@@ -1,7 +1,8 @@
-"""A contact that opens when something is wrong: a coil of a Modbus device, kept closed while all is well.
+"""A contact that opens when something is wrong: a coil or a GPIO line, kept closed while all is well.
 
-The coil is written again and again. So the watchdog of the device opens the contact if the supervisor, its
+It is written again and again. So the watchdog of a Modbus device opens the contact if the supervisor, its
 computer or the cable dies. The device is on no line of drives, so neither the relay nor a drive waits for it.
+A GPIO line has no watchdog: the kernel takes it back when the supervisor ends.
 """
 
 import asyncio

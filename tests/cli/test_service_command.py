@@ -1,5 +1,6 @@
 """``service``: the units fitted to a configuration, and the reasons for what stays open."""
 
+import grp
 import json
 import os
 import tempfile
@@ -174,6 +175,35 @@ def test_the_serial_port_of_a_contact_is_let_in_to_the_supervisor_alone(
         "IPAddressDeny=any\nIPAddressAllow=localhost\n# The serial port of [alarm_output].\n"
         "PrivateDevices=no\nSupplementaryGroups=dialout\n"
         + "".join(f"DeviceAllow=char-{kind} rw\n" for kind in kinds)
+    )
+
+
+@pytest.mark.parametrize("is_group", [True, False])
+def test_the_line_of_a_contact_is_let_in_to_the_supervisor_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_group: bool
+) -> None:
+    """Without the group systemd would not start the service at all."""
+    group = grp.getgrgid(os.getgid())
+
+    def named(name: str) -> grp.struct_group:
+        if not is_group or name != "gpio":
+            raise KeyError(name)
+        return group
+
+    monkeypatch.setattr(grp, "getgrnam", named)
+    config = config_in(tmp_path)
+    without, _ = fitted(config)
+    config.write_text(
+        f'[alarm_output]\ngpio = {{ chip = "/dev/gpiochip0", line = 17 }}\n{config.read_text()}'
+    )
+    relay, supervisor = fitted(config)
+    assert relay == without
+    assert supervisor == (
+        "IPAddressDeny=any\nIPAddressAllow=localhost\n"
+        "# The GPIO line of [alarm_output]: docs/install.md has the group and the udev rule.\n"
+        "PrivateDevices=no\n"
+        + ("SupplementaryGroups=gpio\n" if is_group else "# There is no group gpio here.\n")
+        + "DeviceAllow=char-gpiochip rw\n"
     )
 
 

@@ -1,6 +1,8 @@
 """What keys say to each other: lines that share a port, axes that share a register, settings that exclude."""
 
+import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -442,3 +444,59 @@ def test_the_device_of_the_contact_is_one(tmp_path: Path, device: str, rule: str
     text = f"{edited()}\n[alarm_output]\ndevice = {device}\ncoil = 0\n"
     problem = refusal(tmp_path, text, "alarm_output.device", at="device")
     assert problem.remedy == rule
+
+
+GPIO = '[alarm_output]\ngpio = { chip = "/dev/gpiochip0", line = 17 }\n'
+
+
+@pytest.mark.parametrize(
+    ("keys", "rule"),
+    [
+        ("every_s = 1.0", "allowed: exactly one of device, gpio"),
+        (
+            'device = { tcp = "192.168.0.50:502" }\ngpio = { chip = "/dev/gpiochip0", line = 17 }\ncoil = 0',
+            "allowed: exactly one of device, gpio",
+        ),
+        ('device = { tcp = "192.168.0.50:502" }', "needed: coil, the coil of the contact: 1 closes it"),
+        (
+            'gpio = { chip = "/dev/gpiochip0", line = 17 }\ncoil = 0',
+            "coil belongs to device: leave out beside gpio",
+        ),
+        (
+            'gpio = { chip = "/dev/gpiochip0", line = 17 }\ncoil = 0\nunit_id = 1',
+            "unit_id, coil belong to device: leave out beside gpio",
+        ),
+    ],
+)
+def test_a_contact_is_a_coil_or_a_line(tmp_path: Path, keys: str, rule: str) -> None:
+    problem = refusal(tmp_path, f"{edited()}\n[alarm_output]\n{keys}\n", "alarm_output", at="[alarm_output]")
+    assert problem.remedy == rule
+
+
+@pytest.mark.parametrize(
+    ("chip", "line", "key", "remedy"),
+    [
+        ('"gpiochip0"', "17", "chip", 'allowed: the full path of a GPIO chip, as in "/dev/gpiochip0"'),
+        ("0", "17", "chip", 'allowed: the full path of a GPIO chip, as in "/dev/gpiochip0"'),
+        ('"/dev/gpiochip0"', "-1", "line", "allowed: at least 0, at most 65535"),
+    ],
+)
+def test_a_line_is_a_chip_and_a_number(tmp_path: Path, chip: str, line: str, key: str, remedy: str) -> None:
+    text = f"{edited()}\n[alarm_output]\ngpio = {{ chip = {chip}, line = {line} }}\n"
+    assert refusal(tmp_path, text, f"alarm_output.gpio.{key}", at="gpio = {").remedy == remedy
+
+
+def test_a_line_needs_the_package_of_libgpiod(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = f"{edited()}\n{GPIO}"
+    section = loaded(tmp_path, text).sections.alarm_output
+    assert section is not None
+    assert section.gpio is not None
+    assert (section.gpio.chip, section.gpio.line, section.gpio.active_low) == ("/dev/gpiochip0", 17, False)
+    for module, why in (
+        (None, "the Python package gpiod is not installed"),
+        (ModuleType("gpiod"), "the Python package gpiod is older than version 2"),
+    ):
+        monkeypatch.setitem(sys.modules, "gpiod", module)
+        problem = refusal(tmp_path, text, "alarm_output.gpio", at="gpio")
+        assert problem.found == why
+        assert problem.remedy == "pip install 'pitch-gateway[gpio]' where pitch-gateway is installed"

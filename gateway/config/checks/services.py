@@ -23,7 +23,7 @@ from gateway.config.files import (
     warn_out_of_reach,
 )
 from gateway.config.findings import Findings
-from gateway.config.gateway_model import AlarmOutputSection
+from gateway.config.gateway_model import AlarmOutputSection, why_no_gpio
 from gateway.config.http_model import HttpSection
 from gateway.config.line_model import LineSection
 from gateway.config.mqtt_model import MqttSection, TlsSection
@@ -164,13 +164,20 @@ def _check_controllers(findings: Findings, endpoint: TcpEndpoint, lines: Mapping
 def check_alarm_output(
     findings: Findings, output: AlarmOutputSection | None, lines: Mapping[str, LineSection]
 ) -> None:
-    """Refuse a device of a line: a coil of a drive may start a motion, and a serial port serves one program.
+    """Refuse a GPIO line without the package for it.
+
+    Refuse a device of a line: a coil of a drive may start a motion, and a serial port serves one program.
 
     The address of a controller leads to the drives, through the gateway.
     """
     if output is None:
         return
-    endpoint = output.device.endpoint
+    if output.gpio is not None:
+        if missing := why_no_gpio():
+            found, _, remedy = missing.partition("; ")
+            findings.refuse(("alarm_output", "gpio"), found, remedy)
+        return
+    endpoint = output.modbus.endpoint
     for name, line in lines.items():
         uses: list[tuple[KeyPath, TcpEndpoint | SerialEndpoint]] = [
             (("line", name, "drives"), line.drives.endpoint)
