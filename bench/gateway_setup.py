@@ -41,6 +41,9 @@ class GatewaySetup:
     cpus: tuple[int, ...] = ()
     http_port: int | None = None
     mqtt_port: int | None = None
+    name: str = "bench"
+    mqtt: str = ""
+    """Further lines of ``[mqtt]``."""
 
 
 TABLE: Final = "bench.tab"
@@ -83,14 +86,14 @@ def table_text(points: int, scale: float = 1.0) -> str:
 
 def config_text(setup: GatewaySetup) -> str:
     """Return the configuration as TOML."""
-    parts = ['[gateway]\nname = "bench"\n']
+    parts = [f'[gateway]\nname = "{setup.name}"\n']
     if setup.fifo is not None:
         cpus = list(setup.cpus)
         parts.append(f"[relay]\nfifo = {setup.fifo}\ncpus = {cpus}\nlock_memory = true\n")
     page = "" if setup.http_port is None else f"127.0.0.1:{setup.http_port}"
     parts.append(f'[http]\nlisten = "{page}"\n')
     if setup.mqtt_port is not None:
-        parts.append(f'[mqtt]\nhost = "127.0.0.1"\nport = {setup.mqtt_port}\n')
+        parts.append(f'[mqtt]\nhost = "127.0.0.1"\nport = {setup.mqtt_port}\n{setup.mqtt}')
     for number, line in enumerate(setup.lines, start=1):
         parts.append(_line_text(f"line{number}", line))
         parts += [_axis_text(number, unit, bool(setup.points)) for unit in range(1, line.axes + 1)]

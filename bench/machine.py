@@ -75,9 +75,9 @@ def versions(compared_python: Path) -> Facts:
     return facts + list(zip(COMPARED_PACKAGES, found, strict=False))
 
 
-def how_and_when() -> Facts:
+def how_and_when(module: str = "bench.run") -> Facts:
     """Return the command line and the time of this run."""
-    command = " ".join(["python -m bench.run", *sys.argv[1:]])
+    command = " ".join([f"python -m {module}", *sys.argv[1:]])
     return [("command", f"`{command}`"), ("date", datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"))]
 
 

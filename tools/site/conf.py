@@ -20,7 +20,7 @@ root_doc = "docs/index"
 extensions = ["myst_parser"]
 include_patterns = [
     "docs/**",
-    *(f"bench/{name}.md" for name in ("results", "attacks", "screws")),
+    *(f"bench/{name}.md" for name in ("results", "attacks", "fleet", "screws")),
     "CONTRIBUTING.md",
     "CHANGELOG.md",
     "SECURITY.md",
