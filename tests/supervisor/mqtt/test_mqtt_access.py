@@ -119,6 +119,7 @@ async def test_the_gateway_has_everything_that_it_needs(tmp_path: Path, broker: 
     await_all = {
         f"{ROOT}/availability",
         f"{ROOT}/info",
+        f"{ROOT}/journal",
         f"{ROOT}/axis/x/table",
         f"{ROOT}/line/xyz",
         "homeassistant/device/pitch-gateway_mill-1/gateway/config",
