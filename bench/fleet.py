@@ -303,7 +303,7 @@ class Fleet:
                 supervisor = command_of("gateway.supervisor", config, LogFormat.JSON, "--events", "no")
                 each.relay = self._processes.start(f"fleet-{name}-relay", relay)
                 each.supervisor = self._processes.start(f"fleet-{name}-supervisor", supervisor)
-            self.until("pages", partial(are_open, [each.page_port for each in some]), 0.2)
+            self.until("pages", partial(are_served, some), 0.2)
             self._say(f"{first + len(some)} of {self.count} gateways run")
         self.until("all to be online", lambda: len(self.witness.online) >= self.count, 0.2)
 
@@ -382,9 +382,17 @@ def is_open(port: int) -> bool:
     return False
 
 
-def are_open(ports: Sequence[int]) -> bool:
-    """Whether somebody listens at each of these ports."""
-    return all(map(is_open, ports))
+def are_served(machines: Sequence[Machine]) -> bool:
+    """Whether all of them serve their page.
+
+    Raises:
+        BenchError: a process has ended.
+    """
+    for each in machines:
+        for what, process in (("relay", each.relay), ("supervisor", each.supervisor)):
+            if process is not None and process.poll() is not None:
+                raise BenchError(f"the {what} of {each.setup.name} has ended: its log is in {BUILD / 'logs'}")
+    return all(is_open(each.page_port) for each in machines)
 
 
 def pss_bytes(pid: int) -> float:
