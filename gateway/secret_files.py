@@ -6,6 +6,7 @@ systemd.exec(5)); every other name is a path, relative to the configuration file
 
 import os
 import re
+import secrets
 import stat
 from pathlib import Path
 from typing import Final
@@ -15,8 +16,15 @@ from gateway.files import FileRefusedError
 CREDENTIAL: Final = "credential:"
 CREDENTIALS_FOLDER: Final = "CREDENTIALS_DIRECTORY"
 """Environment variable in which systemd names the folder."""
+RANDOM_BYTES: Final = 32
+"""256 bits, 43 characters in base64."""
 _CREDENTIAL: Final = re.compile(r"[A-Za-z0-9._-]{1,255}")
 """Characters without another meaning in a unit: a space, a colon or a percent sign has one."""
+
+
+def new_secret() -> bytes:
+    """Return the content of a file with a new token or password: random, on one line."""
+    return f"{secrets.token_urlsafe(RANDOM_BYTES)}\n".encode()
 
 
 def is_credential_name(name: str) -> bool:

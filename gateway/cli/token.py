@@ -1,15 +1,12 @@
 """``pitch-gateway token FILE``."""
 
-import secrets
 from pathlib import Path
-from typing import Annotated, Final
+from typing import Annotated
 
 import typer
 
 from gateway.files import FileRefusedError, write_file
-
-BYTES: Final = 32
-"""256 bits, 43 characters in base64."""
+from gateway.secret_files import new_secret
 
 
 def token(
@@ -35,7 +32,7 @@ def token(
         pitch-gateway token people.token --force
     """
     try:
-        write_file(file, f"{secrets.token_urlsafe(BYTES)}\n".encode(), force=force, is_secret=True)
+        write_file(file, new_secret(), force=force, is_secret=True)
     except FileExistsError:
         typer.echo(f"{file}: exists already; --force replaces its token", err=True)
         raise typer.Exit(1) from None

@@ -33,6 +33,7 @@ from gateway.transport.certificates import (
     LARGEST_FILE,
     LONGEST_ROLE,
     ROLE_OID,
+    SOON,
     Facts,
     day,
     list_ends,
@@ -76,8 +77,39 @@ def make_server(authority: Signed, name: str, hosts: Sequence[str], now: datetim
     for host in hosts:
         if not HOST.fullmatch(host):
             raise OptionError("host", f"found {host!r}; allowed: a host name or an address")
-    names = x509.SubjectAlternativeName([_general_name(host) for host in hosts])
-    return make_leaf(authority, name, [ExtendedKeyUsageOID.SERVER_AUTH], [names], now)
+    return make_leaf(authority, name, [ExtendedKeyUsageOID.SERVER_AUTH], [_host_names(hosts)], now)
+
+
+def make_viewer(authority: Signed, name: str, now: datetime) -> Signed:
+    """Make the certificate of a client of pages, such as Prometheus: without a role it moves nothing."""
+    return make_leaf(authority, name, [ExtendedKeyUsageOID.CLIENT_AUTH], [], now)
+
+
+def why_renewed(pair: tuple[bytes, bytes], authority: Signed, hosts: Sequence[str], now: datetime) -> str:
+    """Return why a certificate with its key, both in PEM, needs another one; "" if it does not.
+
+    ``hosts`` are those that it must name; none for a client.
+    """
+    try:
+        certificate = x509.load_pem_x509_certificate(pair[0])
+        key = load_pem_private_key(pair[1], None)
+        certificate.verify_directly_issued_by(authority.certificate)
+    except (ValueError, TypeError, InvalidSignature):
+        return "the old one is none of this authority, or has no key"
+    if key.public_key() != certificate.public_key():
+        return "the old one has another key"
+    ends = certificate.not_valid_after_utc
+    # One that ends with its authority would be no longer valid if it were made anew.
+    if ends < now + SOON and (ends < authority.certificate.not_valid_after_utc or ends < now):
+        return f"the old one ends on {day(ends)}"
+    named = [each.value for each in certificate.extensions if each.oid == x509.SubjectAlternativeName.oid]
+    if named != ([_host_names(hosts)] if hosts else []):
+        return "the hosts are others"
+    return ""
+
+
+def _host_names(hosts: Sequence[str]) -> x509.SubjectAlternativeName:
+    return x509.SubjectAlternativeName([_general_name(host) for host in hosts])
 
 
 def make_controller(authority: Signed, name: str, role: str, now: datetime) -> Signed:
@@ -256,6 +288,12 @@ def write_signed(folder: Path, name: str, signed: Signed) -> tuple[Path, Path]:
     return _write_signed(folder, name, signed)
 
 
+def pem_of(signed: Signed) -> tuple[bytes, bytes]:
+    """Return a certificate and its key, unencrypted, in PEM."""
+    key = signed.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    return signed.certificate.public_bytes(Encoding.PEM), key
+
+
 def _check_name(name: str) -> None:
     if not NAME.fullmatch(name) or name in (AUTHORITY, Path(LIST_NAME).stem):
         rule = "1 to 63 letters, digits, . - and _, beginning with a letter or digit; not ca or crl"
@@ -266,10 +304,10 @@ def _write_signed(folder: Path, name: str, signed: Signed) -> tuple[Path, Path]:
     certificate, key = folder / f"{name}.pem", folder / f"{name}.key"
     for path in (certificate, key):
         _refuse_existing(folder, path.name)
-    content = signed.key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
-    _write_new(key, content, KEY_MODE)
+    content, key_content = pem_of(signed)
+    _write_new(key, key_content, KEY_MODE)
     try:
-        _write_new(certificate, signed.certificate.public_bytes(Encoding.PEM), CERTIFICATE_MODE)
+        _write_new(certificate, content, CERTIFICATE_MODE)
     except FolderError:
         key.unlink()
         raise

@@ -3,7 +3,6 @@
 A :class:`Draft` takes answers one by one and checks each by the rules of the resulting configuration.
 """
 
-import json
 import re
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, fields
@@ -13,12 +12,12 @@ from typing import Any, Final, NamedTuple
 from gateway.config.drive_files import read_profile
 from gateway.config.load import problems_of_draft
 from gateway.config.problems import Problem
+from gateway.config.toml_text import quoted
 from gateway.config.values import read_name
 from gateway.drives import library
 from gateway.drives.profile import Profile, Tier
 from gateway.transport.endpoints import PARITIES
 
-DELETE: Final = "\x7f"
 RTU_OVER_TCP: Final = "rtu://"
 
 
@@ -123,11 +122,6 @@ def format_words(serial: Serial) -> str:
     return f"{serial.baudrate} 8{letter}{serial.stop_bits}"
 
 
-def _quoted(text: str) -> str:
-    """JSON strings are TOML strings, except for one character that TOML requires to be escaped."""
-    return json.dumps(text, ensure_ascii=False).replace(DELETE, "\\u007F")
-
-
 def _one_line(text: str) -> str:
     """A comment ends with its line."""
     return " ".join(text.split())
@@ -148,14 +142,14 @@ def endpoint(address: str, serial: Serial) -> dict[str, object]:
 
 def _endpoint(address: str, serial: Serial) -> list[str]:
     return [
-        f"{key} = {_quoted(value) if isinstance(value, str) else value}"
+        f"{key} = {quoted(value) if isinstance(value, str) else value}"
         for key, value in endpoint(address, serial).items()
     ]
 
 
 def _head(answers: Answers) -> list[str]:
     state = answers.state
-    kept = () if state is None else (f"state = {_quoted(state)}  # where the service may write",)
+    kept = () if state is None else (f"state = {quoted(state)}  # where the service may write",)
     return [
         "# Written by `pitch-gateway init`. docs/configuration.md has every key. Check it after each change",
         "# with `pitch-gateway check`.",
@@ -164,7 +158,7 @@ def _head(answers: Answers) -> list[str]:
         "# the screw would be corrected twice.",
         "",
         "[gateway]",
-        f"name = {_quoted(answers.name)}",
+        f"name = {quoted(answers.name)}",
         'tables = "tables"          # folder with the table files, relative to this file',
         *kept,
         "",
@@ -202,7 +196,7 @@ def _axis(axis: AxisAnswers) -> list[str]:
         'line = "main"',
         f"unit_id = {axis.unit_id}",
         *_drive(axis),
-        f"units = {_quoted(axis.units)}",
+        f"units = {quoted(axis.units)}",
         f"# {_one_line(axis.profile.counts or 'Counts of the drive in one unit.')}",
         "# Negative if the drive counts down while the axis goes forward.",
         f"counts_per_unit = {axis.counts_per_unit!r}",
@@ -210,11 +204,11 @@ def _axis(axis: AxisAnswers) -> list[str]:
         f"travel = [{axis.travel[0]!r}, {axis.travel[1]!r}]",
         "# In the folder named above; without a table positions pass 1:1. To behave like its control beyond",
         "# the ends and at a reversal: pitch-gateway table show FILE",
-        f'# table = "{axis.name}.tab"' if axis.table is None else f"table = {_quoted(axis.table)}",
+        f'# table = "{axis.name}.tab"' if axis.table is None else f"table = {quoted(axis.table)}",
         "# How the gateway knows that the axis is referenced; until it is, nothing is corrected.",
-        f"referenced = {_quoted(axis.referenced)}",
+        f"referenced = {quoted(axis.referenced)}",
         '# Direction of the last movement of homing: "forward", "backward" or "none" (not known).',
-        f"home_approach = {_quoted(axis.home_approach)}",
+        f"home_approach = {quoted(axis.home_approach)}",
         "# max_speed = 200.0        # units/s",
         '# "shadow" computes and shows corrections, positions pass unchanged; later "on".',
         'compensation = "shadow"',
@@ -227,7 +221,7 @@ def _drive(axis: AxisAnswers) -> list[str]:
     return [
         f"# {_one_line(profile.title)}{tier}. Before the machine runs, check its list of traps:",
         f"# pitch-gateway drives show {_one_line(axis.drive)}",
-        f"drive = {_quoted(axis.drive)}",
+        f"drive = {quoted(axis.drive)}",
     ]
 
 
