@@ -33,6 +33,7 @@ COMMANDS: Final = (
     "reload",
     "journal",
     "evidence",
+    "provision",
     "capture",
     "record",
     "replay",

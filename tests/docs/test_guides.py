@@ -231,9 +231,16 @@ def desk() -> Iterator[Path]:
         yield Path(folder)
 
 
+def _toml_in(page: str) -> str:
+    [text] = re.findall(r"^```toml\n(.*?)^```", (ROOT / page).read_text(), re.DOTALL | re.MULTILINE)
+    return str(text)
+
+
 def _furnish(folder: Path) -> None:
-    [config] = re.findall(r"^```toml\n(.*?)^```", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE)
+    config, site = map(_toml_in, ("README.md", "docs/fleet.md"))
     (folder / "gateway.toml").write_text(config)
+    (folder / "site.toml").write_text(site)
+    shutil.copytree(ROOT / "deploy/tables", folder / "common/tables")
     shutil.copytree(ROOT / "tables", folder / "tables")
     shutil.copy(ROOT / "deploy/tables/cnc10x.tab", folder / "tables/cnc10x.tab")
     (folder / "fleet.token").write_text(token_urlsafe(32))
