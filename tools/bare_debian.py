@@ -16,6 +16,10 @@ KEPT = ROOT / "build" / "kept"
 """What was fetched and is kept for the next time: an archive of each bare Debian, and wheels."""
 INSTALLED = ("python3", "python3-venv", "systemd", "udev")
 """What the package needs, so that nothing but the package itself comes and goes where it is installed."""
+MANAGED = (*INSTALLED, "python3-apt")
+"""What Ansible needs beside it."""
+PODMAN = ("podman", "systemd")
+"""What reads a quadlet."""
 BUILDING = ("python3-venv", "python3-dev", "build-essential", "debhelper", "fakeroot")
 """What building it needs."""
 PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
@@ -113,7 +117,7 @@ def seed(suite: Suite, packages: tuple[str, ...]) -> Path:
     Raises:
         FailedError: it could not be made.
     """
-    purpose = {INSTALLED: "installed", BUILDING: "building"}[packages]
+    purpose = {INSTALLED: "installed", BUILDING: "building", MANAGED: "managed", PODMAN: "podman"}[packages]
     asked = hashlib.sha256(" ".join(packages).encode()).hexdigest()[:8]
     archive = KEPT / f"{suite.name}-{purpose}-{asked}.tar"
     if not archive.exists():
