@@ -149,6 +149,13 @@ def test_targets_and_inventory_use_the_first_host(site: Path) -> None:
     assert json.loads((plant / "hosts.json").read_text()) == {"all": {"hosts": hosts}}
 
 
+@pytest.mark.parametrize("name", ["ca", "broker", "prometheus", "client", "machines"])
+def test_a_machine_may_have_the_name_of_a_folder(site: Path, name: str) -> None:
+    site.write_text(BASE + section(f"[machine.{name}]", {}))
+    made(site)
+    assert provision(site).stdout.endswith(" unchanged\n")
+
+
 def test_a_second_run_changes_nothing(site: Path) -> None:
     plant = made(site)
     before = {path: (path.stat().st_mtime_ns, path.stat().st_ino) for path in plant.rglob("*")}

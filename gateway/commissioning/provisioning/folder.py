@@ -354,7 +354,7 @@ def _check(
 ) -> tuple[Sections | None, list[Problem], list[Problem]]:
     """Check a machine as it will be; return its sections, if all is good, its problems and its warnings."""
     place = f"{MACHINES}/{machine.name}"
-    here, there = work / machine.name, folder.path / place
+    here, there = work / place, folder.path / place
     sources = {f"{there}{os.sep}": f"{here}{os.sep}"}
     for name, each in _of(folder, place):
         path = here / name
