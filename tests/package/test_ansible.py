@@ -52,10 +52,16 @@ host = "127.0.0.1"
 [machine.mill-2]
 axis.x.max_speed = 150.0
 """
-HANDLER = re.compile(r"^RUNNING HANDLER \[pitch_gateway : (\w+) pitch-gateway\]", re.MULTILINE)
+HANDLER = re.compile(r"RUNNING HANDLER \[pitch_gateway : (\w+) pitch-gateway\]")
 RECAP = re.compile(r"^(\S+) +: ok=\d+ +changed=(\d+) +unreachable=0 +failed=(\d+) ", re.MULTILINE)
 
 pytestmark = pytest.mark.timeout(2700)
+
+
+def handlers(said: str) -> list[str]:
+    """The handlers that ran; one that is skipped on each host has a heading too."""
+    blocks = [block for block in said.split("\n\n") if re.search(r"^(changed|ok): ", block, re.MULTILINE)]
+    return [name for block in blocks for name in HANDLER.findall(block)]
 
 
 @dataclass(frozen=True)
@@ -154,7 +160,7 @@ def test_the_second_time_nothing_changes_and_a_change_does_what_it_needs(plant: 
         ("localhost", *MACHINES), 0
     ), said
     assert all(changed > 0 for changed, _ in found.values())
-    assert HANDLER.findall(said) == ["Restart"]
+    assert handlers(said) == ["Restart"]
     for machine in MACHINES:
         config = tomllib.loads((etc(plant, machine) / "gateway.toml").read_text())
         assert (config["gateway"]["name"], config["axis"]["x"].get("max_speed")) == (
@@ -169,18 +175,18 @@ def test_the_second_time_nothing_changes_and_a_change_does_what_it_needs(plant: 
 
     said, found = plant.play()
     assert found == dict.fromkeys(("localhost", *MACHINES), (0, 0)), said
-    assert not HANDLER.findall(said)
+    assert not handlers(said)
 
     (plant.folder / "common/tables/x.tab").write_text(tab(0.0, 0.02, 0.04))
     said, found = plant.play()
     assert {host: failed for host, (_, failed) in found.items()} == dict.fromkeys(
         ("localhost", *MACHINES), 0
     ), said
-    assert HANDLER.findall(said) == ["Reload"]
+    assert handlers(said) == ["Reload"]
 
     (plant.folder / "site.toml").write_text(SITE.replace("150.0", "180.0"))
     said, found = plant.play()
-    assert (found["mill-1"][0], HANDLER.findall(said)) == (0, ["Restart"]), said
+    assert (found["mill-1"][0], handlers(said)) == (0, ["Restart"]), said
     assert [path.name for path in etc(plant, "mill-2").glob("gateway.toml.*")]  # what it had before
 
     said, found = plant.play()
