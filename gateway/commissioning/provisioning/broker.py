@@ -43,7 +43,14 @@ def access_block(name: str, sections: Sections) -> str:
         f"user {mqtt.username}",
         *(
             f"topic write {topic}"
-            for topic in (topics.availability, topics.info, topics.event, topics.line("+"), topics.axis("#"))
+            for topic in (
+                topics.availability,
+                topics.info,
+                topics.journal,
+                topics.event,
+                topics.line("+"),
+                topics.axis("#"),
+            )
         ),
     ]
     if mqtt.discovery:
