@@ -312,7 +312,10 @@ def test_the_access_of_a_machine_is_what_its_configuration_needs(site: Path) -> 
         site, 'table = "x.tab"', 'table = "x.tab"\nthermal = { alpha = 11e-6, source = { mqtt = "hall/t" } }'
     )
     plant = made(site)
-    own = [f"write plant/gw/{{}}/{topic}" for topic in ("availability", "info", "journal", "event", "line/+", "axis/#")]
+    own = [
+        f"write plant/gw/{{}}/{topic}"
+        for topic in ("availability", "info", "journal", "event", "line/+", "axis/#")
+    ]
     own += ["read plant/gw/{}/command/+", "read hall/t"]
     discovery = "write homeassistant/device/plant_gw_mill-2/+/config"
     for name, more in (("mill-1", set()), ("mill-2", {discovery})):
