@@ -4,6 +4,8 @@
 has accepted the target. Nothing changes between the two, so a refused target leaves no trace.
 """
 
+from collections.abc import Iterable
+from itertools import product
 from typing import Final
 
 from gateway.catalogue import refusals
@@ -161,19 +163,19 @@ class AxisCompensation:
             self._update_steadiness()
 
     def assume_offset(
-        self, actual_counts: Counts, nominal_counts: Counts, spec: CorrectionSpec, slack: float
+        self, actual_counts: Counts, nominal_counts: Counts, specs: Iterable[CorrectionSpec], slack: float
     ) -> float:
         """Derive the offset in force when setpoints begin to stream: drive position less command.
 
         The offset is limited to what a correction can be: between 0 and the corrections of both branches of
-        ``spec``, at the drive's position and at the setpoint, plus ``slack``. So the axis does not move if
+        ``specs``, at the drive's position and at the setpoint, plus ``slack``. So the axis does not move if
         the controller read 1:1 until now and holds its setpoint. Nor does it move if the correction was in
         force before.
 
         Args:
             actual_counts: position of the drive.
             nominal_counts: the first setpoint.
-            spec: the correction that may have been in force.
+            specs: the corrections that may have been in force.
             slack: resolution of the registers plus what terms may have added, in units.
 
         Returns:
@@ -182,7 +184,7 @@ class AxisCompensation:
         offset = (actual_counts - nominal_counts) / self.settings.counts_per_unit
         drive, setpoint = self.machine_position(actual_counts), self.machine_position(nominal_counts)
         bounds = [0.0]
-        for forward_share in (0.0, 1.0):
+        for spec, forward_share in product(specs, (0.0, 1.0)):
             branch = spec.map_at(forward_share)
             bounds.append(branch.correction(setpoint))
             bounds.append(branch.solve(drive, drive - branch.correction(drive)).correction)

@@ -171,11 +171,13 @@ def render_distance(
 def needs_offset(axis: Axis) -> bool:
     """Whether the next streamed setpoint is the first, and an offset may be in force before it.
 
-    That is possible if the axis has a table, referenced or not: the last run may have used one.
+    That is possible if the axis has a table, referenced or not, or had one: the last run may have used it.
     """
-    compensation = axis.compensation
+    compensation, correction = axis.compensation, axis.correction
     is_first = compensation.is_stream and compensation.state.position is None
-    return is_first and not axis.correction.is_dry_run and axis.correction.base is not NOTHING
+    if not is_first or correction.is_dry_run:
+        return False
+    return correction.base is not NOTHING or bool(correction.former)
 
 
 def _first_actual(axis: Axis, seen: RenderContext) -> Actual | None:

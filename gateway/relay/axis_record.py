@@ -20,7 +20,7 @@ from gateway import system
 from gateway.backoff import Backoff
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.record import FindTable, Record, digest_of_axis
-from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots, header, why_not_readable
+from gateway.exchange.axis.record_layout import RECORD_SIZE, RecordSlots, Remembered, header, why_not_readable
 from gateway.exchange.plan import CompensationMode
 
 SUFFIX: Final = ".record"
@@ -35,11 +35,15 @@ def record_path(state: Path, axis: str) -> Path:
     return state / f"axis-{axis}{SUFFIX}"
 
 
-def why_not_kept(axis: Axis) -> str:
-    """Return why the axis has no record, "" if it has one."""
+def why_not_kept(axis: Axis, saved: Remembered | None = None) -> str:
+    """Return why the axis has no record, "" if it has one.
+
+    ``saved``: that of the previous run. A stream without a table needs it until its correction has faded out.
+    """
     if axis.plan.compensation is CompensationMode.SHADOW:
         return "the axis is in shadow mode"
-    if axis.plan.table is None:
+    fades = saved is not None and saved.was_corrected and axis.compensation.is_stream
+    if axis.plan.table is None and not fades:
         return "the axis has no table"
     return "" if axis.plan.actual else "no register of the actual position is mapped"
 
@@ -125,6 +129,7 @@ class AxisRecord:
         digest = digest_of_axis(axis.plan)
         slots = self._slots = RecordSlots(memoryview(mapped), digest, system.boot_id(), self._may_store)
         saved, reason = slots.read(), ""
+        why_none = why_not_kept(axis, saved)
         if saved is None and slots.is_damaged and not wrong:
             reason = "both of its copies are damaged"
         elif saved is None and slots.was_emptied and not why_none:

@@ -163,7 +163,7 @@ def test_the_reading_is_kept_where_a_target_changes_the_line_and_ends_exact() ->
 
 def stream_axis(table: CorrectionTable = FLAT, **more: Any) -> AxisCompensation:
     axis = axis_with(table, setpoints=Setpoints.STREAM, **more)
-    axis.assume_offset(0, 0, NOTHING, 0.0)
+    axis.assume_offset(0, 0, [], 0.0)
     send(axis, 0)
     for counts in range(100, 3000, 100):  # the blend to the table is over
         send(axis, counts)
@@ -198,7 +198,7 @@ def test_no_setpoint_of_a_stream_makes_a_step_larger_than_its_travel_allows(
     table = make_table(table.positions, table.forward, table.forward, Units.MM)  # no reversals here
     axis = axis_with(table, setpoints=Setpoints.STREAM, max_slope=0.01, max_correction=1e3)
     start = table.forward[0] if table.first > 0 else CorrectionMap((Term(Curve(table), 1, 0),)).correction(0)
-    axis.assume_offset(start * 1000, 0, spec_of_table(table, axis.settings), 0.0)
+    axis.assume_offset(start * 1000, 0, [spec_of_table(table, axis.settings)], 0.0)
     send(axis, 0)
     counts = 0
     while not axis.is_steady:

@@ -202,7 +202,7 @@ def test_a_moving_axis_reads_monotonically_and_ends_exact(table: CorrectionTable
 
 
 def take_offset(axis: AxisCompensation, actual_counts: int, nominal_counts: int) -> float:
-    return axis.assume_offset(actual_counts, nominal_counts, spec_of_table(LOST_MOTION, axis.settings), 0.0)
+    return axis.assume_offset(actual_counts, nominal_counts, [spec_of_table(LOST_MOTION, axis.settings)], 0.0)
 
 
 def stream_axis(table: CorrectionTable = LOST_MOTION, **more: Any) -> AxisCompensation:

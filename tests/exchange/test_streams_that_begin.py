@@ -1,12 +1,15 @@
 """Streams that begin or lose their reference: only a different setpoint moves the drive (M6, M9)."""
 
+from typing import Any
+
 import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
-from gateway.exchange.plan import CompensationMode, LineTiming, Reference
+from gateway.exchange.plan import AxisPlan, CompensationMode, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
+from tests.exchange.record_bench import RecordBench
 
 HOMED = BitField(0x0031, 5)
 LIFTED = make_table([0, 100], [0.3, 0.3], [0.26, 0.26], Units.MM)
@@ -129,3 +132,63 @@ def test_m9_no_position_is_read_for_an_axis_without_compensation() -> None:
     bench.memory.put(ACTUAL, 20_300)
     assert stream(bench, [20_000]) == [20_000]
     assert bench.seen == [write(COMMAND, 20_000)]
+
+
+# --- after a restart that ends the correction ---------------------------------------------------------------
+
+
+def off(**changes: Any) -> AxisPlan:
+    """The axis of LIFTED as another start of the gateway finds it: no longer corrected."""
+    plan = {"table": LIFTED, "reload_distance": 1.2, "compensation": CompensationMode.OFF, **changes}
+    return stream_plan(**plan)
+
+
+NO_TABLE = {"table": None, "compensation": CompensationMode.ON}
+
+
+def streamed(*setpoints: int) -> RecordBench:
+    """Return a corrected axis that got these setpoints and stands at the last one."""
+    bench = RecordBench(stream_plan(table=LIFTED, reload_distance=1.2))
+    stream(bench, list(setpoints))
+    return bench
+
+
+@pytest.mark.parametrize("changes", [{}, NO_TABLE])
+def test_m6_a_held_setpoint_moves_nothing_after_a_restart_without_the_correction(
+    changes: dict[str, Any],
+) -> None:
+    bench = streamed(13_000, 15_000, 18_000, 20_000, 21_400)
+    again = bench.restarted(off(**changes), find_table=lambda _: LIFTED)
+    assert again.actual() == 21_400
+    assert stream(again, [21_400] * 3) == [21_700] * 3
+    # It fades as after ``pitch-gateway disable``: sin² over 1.2 mm from the first different setpoint on.
+    assert stream(again, [22_000, 22_600]) == [22_300, 22_600 + 150]
+    once_more = again.restarted(find_table=lambda _: LIFTED)  # in the middle of the fade
+    assert stream(once_more, [22_600, 23_200]) == [22_600 + 150, 23_200]
+    assert once_more.actual() == 23_200
+
+
+@pytest.mark.parametrize(("stands_at", "told"), [(21_705, 21_701), (21_690, 21_690), (21_400, 21_400)])
+def test_m6_a_drive_beside_its_record_keeps_what_may_be_its_old_correction(stands_at: int, told: int) -> None:
+    """The range is 0 to 300 counts, and half a step of both registers."""
+    bench = streamed(13_000, 15_000, 18_000, 20_000, 21_400)
+    assert bench.actual() == 21_400  # it has arrived
+    bench.memory.put(ACTUAL, stands_at)
+    again = bench.restarted(off())
+    assert stream(again, [21_400] * 3) == [told] * 3
+    assert stream(again, [22_000, 22_600, 23_200])[-1] == 23_200
+
+
+def test_m6_an_axis_that_is_homed_before_its_stream_begins_has_no_old_correction() -> None:
+    again = streamed(13_000, 15_000, 18_000, 20_000, 21_400).restarted(off())
+    again.line.axes[0].move_zero()
+    again.memory.put(ACTUAL, 0)
+    assert stream(again, [200]) == [200]
+
+
+def test_m9_an_axis_that_was_not_corrected_in_the_last_run_is_not_read_at_the_start() -> None:
+    bench = streamed(13_000, 15_000, 18_000, 20_000, 21_400).restarted(off())
+    stream(bench, [22_000, 22_600, 23_200, 24_000])
+    again = bench.restarted()
+    assert stream(again, [24_000]) == [24_000]
+    assert again.seen == [write(COMMAND, 24_000)]

@@ -19,12 +19,22 @@ from gateway.exchange.axis.record_layout import (
 )
 from gateway.exchange.commands import SetTable, TableFor
 from gateway.exchange.line import LineExchange
-from gateway.exchange.plan import CompensationMode, LineTiming
+from gateway.exchange.plan import AxisPlan, CompensationMode, LineTiming
 from gateway.modbus.mbap import encode_mbap
 from gateway.relay.axis_record import AxisRecord, record_path
 from gateway.relay.gateway import Relay
 from gateway.state.plan import GatewayPlan, LinePlan
-from tests.exchange.line_bench import ACTUAL, COMMAND, LOST_MOTION, Link, Memory, axis_plan, read, write
+from tests.exchange.line_bench import (
+    ACTUAL,
+    COMMAND,
+    LOST_MOTION,
+    Link,
+    Memory,
+    axis_plan,
+    read,
+    stream_plan,
+    write,
+)
 from tests.exchange.line_bench import Bench as LineBench
 from tests.support.relay import TIMING, Bench, until_up
 
@@ -287,6 +297,38 @@ def test_an_axis_in_shadow_mode_keeps_none_and_empties_what_there_is(path: Path)
     fresh = record_path(path.parent, "z")
     Opened(fresh, CompensationMode.SHADOW)
     assert not fresh.exists()
+
+
+@pytest.mark.parametrize("is_stream", [True, False])
+def test_an_axis_whose_table_is_gone_needs_its_record_until_its_correction_has_faded_out(
+    tmp_path: Path, is_stream: bool
+) -> None:
+    path, make = record_path(tmp_path, "x"), stream_plan if is_stream else axis_plan
+    told: list[str] = []
+
+    def run(plan: AxisPlan, *setpoints: int) -> bool:
+        """Play one run of the gateway; return whether it had a record of the last one."""
+        records: list[AxisRecord] = []
+
+        def attach(line: LineExchange) -> None:
+            records.append(AxisRecord(line.axes[0], path))
+            records[0].open(told.append, find_table=lambda _: LOST_MOTION)
+
+        memory.put(ACTUAL, memory.get(COMMAND))
+        bench = LineBench(plan, memory=memory, before_up=attach)
+        bench.move(*setpoints)
+        records[0].close()
+        return "restored" in bench.kinds()
+
+    memory = Memory()
+    run(make(), 10_000, 20_000, 30_000, 40_000)
+    assert memory.get(COMMAND) == 40_010
+    assert run(make(table=None), 40_000) is is_stream
+    assert memory.get(COMMAND) == (40_010 if is_stream else 40_000)
+    assert run(make(table=None), 40_000, 41_000, 42_000, 43_000) is is_stream
+    assert memory.get(COMMAND) == 43_000
+    assert not run(make(table=None), 43_000)
+    assert told[-1:] == [f"{path}: the axis has no table; the axis starts without its record"]
 
 
 def test_a_run_that_is_recorded_begins_with_nothing(path: Path) -> None:

@@ -414,6 +414,7 @@ class Axis:
         """The drive counts from another zero: its targets, and the positions that were read, are void."""
         self.invalidate_words()
         self.motion.forget_position()
+        self.correction.former = ()
         if self.compensation.is_stream:
             self.compensation.begin_anew()
             if self.reference.is_referenced:

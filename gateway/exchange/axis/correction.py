@@ -28,6 +28,7 @@ class RequestedCorrection:
         "_reference",
         "_reports",
         "base",
+        "former",
         "has_branches",
         "is_dry_run",
         "is_enabled",
@@ -49,6 +50,8 @@ class RequestedCorrection:
         self.terms = Terms(plan) if plan.thermal or plan.cross else None
         self.base: CorrectionSpec = NOTHING
         """The correction by its table."""
+        self.former: tuple[CorrectionSpec, ...] = ()
+        """What the last run may have left in force, for a stream."""
         self.requested: CorrectionSpec = NOTHING
         """The same with its terms."""
         self.has_branches = False
@@ -130,5 +133,6 @@ class RequestedCorrection:
         slack /= abs(settings.counts_per_unit)
         position = compensation.machine_position(actual.counts)
         slack += 0.0 if self.terms is None else min(self.terms.largest_at(position), settings.max_correction)
-        rest = compensation.assume_offset(actual.counts, counts_of(field_, raw), self.base, slack)
+        specs = (self.base, *self.former)
+        rest = compensation.assume_offset(actual.counts, counts_of(field_, raw), specs, slack)
         self._reports.begin_stream(compensation.state.spec.offset, rest)

@@ -9,6 +9,7 @@ from functools import partial
 from typing import Final
 
 from gateway.catalogue import exchange_events
+from gateway.compensation.correction_spec import CorrectionSpec
 from gateway.compensation.errors import SettingsError, TableError
 from gateway.compensation.moves import Accepted, Move, State
 from gateway.compensation.readback import Fade, Readback
@@ -71,7 +72,11 @@ class Recall:
     def attach(self, record: Record | None) -> None:
         """Keep a record from now on, and use that of the last run if it counts; None: keep none."""
         self.record = record
-        if record is not None and record.saved is not None and not self._correction.is_enabled:
+        if record is None or record.saved is None:
+            return
+        if self._motion.compensation.is_stream and record.saved.was_corrected:
+            self._correction.former = self._corrections_in_force(record, record.saved)
+        elif not self._correction.is_enabled:
             self.drop("the compensation of the axis is off")
 
     def start_without(self) -> None:
@@ -153,18 +158,31 @@ class Recall:
         saved, fitting = record.saved, record.finding
         assert saved is not None
         assert fitting is not None
-        plan, requested, now_ns = self._motion.plan, self._correction.requested, fitting[1].seen_ns
-        find_table = partial(record.find_table, plan.table, requested)
-        move = saved.unacknowledged
         try:
-            state = state_of(plan.settings, requested, saved.state, find_table, now_ns)
-            if move is None:
-                return state, None
-            return state, state_of(plan.settings, requested, move.state, find_table, now_ns)
+            return self._states_of(record, saved, fitting[1].seen_ns)
         except TableNotFoundError:
             return "the table that was in force is not the one configured now"
         except (TableError, SettingsError) as error:
             return f"the table that was in force cannot be used any more ({error})"
+
+    def _states_of(self, record: Record, saved: Remembered, now_ns: int) -> tuple[State, State | None]:
+        """Do the same; raises what ``state_of`` raises."""
+        plan, requested = self._motion.plan, self._correction.requested
+        find_table = partial(record.find_table, plan.table, requested)
+        state = state_of(plan.settings, requested, saved.state, find_table, now_ns)
+        move = saved.unacknowledged
+        if move is None:
+            return state, None
+        return state, state_of(plan.settings, requested, move.state, find_table, now_ns)
+
+    def _corrections_in_force(self, record: Record, saved: Remembered) -> tuple[CorrectionSpec, ...]:
+        """Return the corrections that the last run may have left in force; none if a table is missing."""
+        try:
+            states = self._states_of(record, saved, 0)
+        except (TableNotFoundError, TableError, SettingsError):
+            return ()
+        specs = [spec for state in states if state is not None for spec in (state.spec, state.previous)]
+        return tuple([spec for spec in specs if spec is not None])
 
     def take_up(self, state: State, after: State | None) -> None:
         """Continue from the record of the last run, which fits.

@@ -15,7 +15,7 @@ from typing import Final
 
 from gateway.compensation.correction_spec import NOTHING, CorrectionSpec, spec_of_table, with_line
 from gateway.compensation.direction import Direction, Travel
-from gateway.compensation.fingerprint import scale_digest
+from gateway.compensation.fingerprint import scale_digest, table_digest
 from gateway.compensation.moves import State, SteadyMove
 from gateway.compensation.settings import AxisSettings, Gain
 from gateway.compensation.table import CorrectionTable
@@ -161,7 +161,7 @@ class Record:
         self, table: CorrectionTable | None, requested: CorrectionSpec, digest: bytes
     ) -> CorrectionTable | None:
         """Return the table with a digest: the configured one, or one that is kept elsewhere."""
-        if requested.table_digest == digest:
+        if requested.table_digest == digest or (table is not None and table_digest(table) == digest):
             return table
         return None if self._find_elsewhere is None else self._find_elsewhere(digest)
 

@@ -113,6 +113,11 @@ class RememberedState(NamedTuple):
     spec: RememberedSpec
     previous: RememberedSpec | None
 
+    @property
+    def is_corrected(self) -> bool:
+        """Whether it corrects, or still fades out a correction."""
+        return any(spec.digest or spec.offset for spec in (self.spec, self.previous) if spec is not None)
+
 
 class RememberedMove(NamedTuple):
     """A target that was on the wire when the record was written: the drive may have received it or not."""
@@ -152,6 +157,12 @@ class Remembered(NamedTuple):
     came_from: tuple[Counts, Counts] | None = None
     """Nominal and corrected counts of the setpoint before the last one, if a run continued from there. Then
     anchor and fade above are those of an older setpoint, and are computed again from these counts."""
+
+    @property
+    def was_corrected(self) -> bool:
+        """Whether a correction was in force, or on the wire."""
+        move = self.unacknowledged
+        return any(state.is_corrected for state in (self.state, move and move.state) if state is not None)
 
 
 class RecordSlots:
