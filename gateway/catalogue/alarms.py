@@ -258,7 +258,7 @@ RECORD_NOT_USED: Final = AlarmEntry(
     Severity.WARNING,
     "it started without its record: what it reads is not corrected until its first target",
     "the axis was moved while the gateway did not run, or its record cannot be used: the event "
-    "`record-not-used` in the log says why",
+    "`record-not-used` in the log says why. Or the drive of another axis of its group does not answer yet",
     "have the controller send a target, or home the axis. Until then its position is off by the correction",
     title="Reads uncorrected",
 )

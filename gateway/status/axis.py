@@ -158,7 +158,7 @@ class AxisStatus(Struct, kw_only=True):
     is_enabled: bool | UnsetType = UNSET
     """Whether the compensation is switched on, whatever its state; UNSET from older releases."""
     reads_uncorrected: bool = False
-    """It is corrected, and reads 1:1 until its first target: the record of the last run is not used."""
+    """It is corrected, and reads 1:1 until its first target: the record of the last run is not used (yet)."""
     record_problem: str | None = None
     """Why no record is kept for the next start, although there should be one."""
     units: str = ""

@@ -11,12 +11,14 @@ from gateway.exchange.axis.acknowledge import PROOF_AFTER
 from gateway.exchange.axis.axis import Axis
 from gateway.exchange.axis.motion import MotionState
 from gateway.exchange.plan import AxisPlan, Reference
+from gateway.exchange.status import axis_status
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import (
     ACTUAL,
     COMMAND,
     MS,
     Bench,
+    Memory,
     axis_plan,
     monitor,
     read,
@@ -179,6 +181,40 @@ def test_m11_a_group_is_restored_whole_or_not_at_all() -> None:
     for plans in ((replace(x, table=HIGHER), y), (x, replace(y, table=HIGHER))):
         assert bench.restarted(*plans).kinds() == ["line-up", "record-not-used", "record-not-used"]
     assert bench.restarted().kinds() == ["line-up", "restored", "restored"]
+
+
+class SilentY(Memory):
+    """A converter, which does not reach the drive of y."""
+
+    is_reached = False
+
+    def answer(self, pdu: bytes) -> bytes:
+        is_of_y = pdu[1:3] in (Y_COMMAND.address.to_bytes(2, "big"), Y_ACTUAL.address.to_bytes(2, "big"))
+        return bytes((pdu[0] | 0x80, 0x0B)) if is_of_y and not self.is_reached else super().answer(pdu)
+
+
+def test_m11_an_axis_that_waits_for_the_record_of_another_one_says_that_it_reads_1_to_1() -> None:
+    x = axis_plan()
+    y = axis_plan(name="y", unit_id=2, command=(Y_COMMAND,), actual=(Y_ACTUAL,))
+    bench = RecordBench(x, y, groups=[["x", "y"]])
+    for unit_id, command, actual in ((1, COMMAND, ACTUAL), (2, Y_COMMAND, Y_ACTUAL)):
+        for counts in (20_000, 50_000):
+            bench.ask(write(command, counts), unit_id=unit_id)
+            bench.memory.put(actual, bench.memory.get(command))
+            bench.ask(read(actual), unit_id=unit_id)
+    memory = SilentY()
+    memory.words = dict(bench.memory.words)
+    again = RecordBench(x, y, records=bench.records, memory=memory, groups=[["x", "y"]])
+    x_axis, y_axis = again.line.axes
+    assert again.actual() == 50_010  # 10 counts beside what the controller commanded
+    assert again.told == []
+    assert axis_status(x_axis, again.now_ns).reads_uncorrected
+    memory.is_reached = True
+    again.wait(60_000)
+    again.ask(read(Y_ACTUAL), unit_id=2)
+    assert again.kinds().count("restored") == 2
+    assert again.actual() == 50_000
+    assert not any(axis_status(each, again.now_ns).reads_uncorrected for each in (x_axis, y_axis))
 
 
 def test_a_stream_waits_for_its_homed_bit_before_its_record_counts() -> None:

@@ -91,7 +91,12 @@ class Recall:
 
     @property
     def reads_uncorrected(self) -> bool:
-        """Whether it still reads 1:1 because the record of the last run is not used."""
+        """Whether it still reads 1:1 because the record of the last run is not used.
+
+        Or it waits for the records of the other axes of its group.
+        """
+        if self.record is not None and self.record.decision is Decision.FITS:
+            return True
         return self._at_start is not None and self._motion.compensation.readback is self._at_start
 
     @property
