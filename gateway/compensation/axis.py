@@ -224,6 +224,12 @@ class AxisCompensation:
         self._readback = Readback(self._counts_per_unit, self._zero_counts)
         self._update_steadiness()
 
+    def read_as_set(self) -> None:
+        """Its position was set: it reads 1:1 until the next target, and what was read before is void."""
+        self._actual_counts = None
+        self._readback = Readback(self._counts_per_unit, self._zero_counts)
+        self._update_steadiness()
+
     def end_dry_run(self) -> None:
         """Discard the computed state: the drive never had it, and holds the last target as commanded.
 

@@ -210,6 +210,7 @@ def _move_by(axis: Axis, action: Action, now_ns: int, *, is_certain: bool) -> No
         axis.begin_homing(now_ns, is_certain=is_certain)
     elif action is Action.SET_POSITION:
         is_set_at_rest = is_at_rest and is_certain
+        axis.compensation.read_as_set()
         axis.reference_happens(ReferenceEvent.SET_AT_REST if is_set_at_rest else ReferenceEvent.SET_MOVING)
     else:
         axis.reference_happens(ReferenceEvent.OTHER_MOTION)

@@ -93,6 +93,27 @@ def test_a16_a_position_set_while_the_axis_moves_makes_none() -> None:
     assert "axis-referenced" not in bench.kinds()
 
 
+def test_m9_a_position_set_at_rest_is_read_back_as_it_was_set() -> None:
+    """The axis stopped while the branch before still faded out of its readings."""
+    bench = StagedBench(staged_plan(referenced=Reference.SET_POSITION))
+    bench.trigger(ZERO_PDU)
+    bench.go_to(10_000)
+    bench.run(-20_000)
+    bench.drive.put(ACTUAL, -5_000)
+    assert bench.actual() == -5_000  # half of 20 counts is left of the way forward
+    bench.trigger(STOP_PDU)
+    bench.poll()
+    bench.trigger(ZERO_PDU)
+    assert bench.drive.get(ACTUAL) == 0
+    assert bench.actual() == 0
+    assert bench.run(10_000) == ("absolute", 10_010)
+    assert bench.actual() == 0
+    bench.drive.put(ACTUAL, 5_005)
+    assert bench.actual() == 5_000
+    bench.settle()
+    assert bench.actual() == 10_000
+
+
 @pytest.mark.parametrize("reference", [Reference.ABSOLUTE, Reference.HOMING])
 def test_a16_a_position_set_ends_the_other_references(reference: Reference) -> None:
     bench = StagedBench(staged_plan(referenced=reference))
