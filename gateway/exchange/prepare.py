@@ -491,9 +491,7 @@ def _stage(
         return []
     mask = mask_written(hit, request.frame.pdu, request.frame.access)
     motion = axis.motion
-    kept = (
-        motion.superseded if motion.repeat_kind(hit.mapped.number, words) is RepeatKind.SAME_WORDS else None
-    )
+    kept = motion.superseded if axis.repeat_kind(hit.mapped.number, words) is RepeatKind.SAME_WORDS else None
     waits_for_other_words = bool(axis.plan.motion.starts_on) and not hit.is_whole
     is_complete = _is_complete(hit, request.frame.access) or axis.writes_words_alone
     if waits_for_other_words or (axis.passes_unchanged and is_complete and kept is None):
@@ -529,7 +527,7 @@ def _foreseen(request: Request, command: AxisCommand, hit: FieldHit, words: byte
         and not image.is_incomplete
     ):
         return image.corrected_words
-    if axis.motion.repeat_kind(number, words) is RepeatKind.UNSEEN:
+    if axis.repeat_kind(number, words) is RepeatKind.UNSEEN:
         return words  # its trigger is refused until a reading shows where the axis is
     action, is_certain = _expected(command, number)
     try:

@@ -107,7 +107,7 @@ def render(
     if needs_offset(axis):
         axis.correction.begin_stream(number, nominal_words, _first_actual(axis, seen))
         is_passing = axis.passes_unchanged
-    repeat_kind = axis.motion.repeat_kind(number, nominal_words) if is_kept else RepeatKind.NEW
+    repeat_kind = axis.repeat_kind(number, nominal_words) if is_kept else RepeatKind.NEW
     if repeat_kind is RepeatKind.SAME_WORDS:
         return _again(axis)
     if repeat_kind is RepeatKind.UNSEEN:

@@ -509,6 +509,39 @@ def test_no_target_is_written_again_while_the_drive_follows_its_register(word: i
     assert bench.memory.ends == [5010, 1990, 3010]
 
 
+class DeafDrive(FollowingDrive):
+    """The same, which does not report where it is after a lost link."""
+
+    is_deaf = False
+
+    def answer(self, pdu: bytes) -> bytes:
+        is_refused = self.is_deaf and pdu == read(ACTUAL)
+        return bytes.fromhex("83 04") if is_refused else super().answer(pdu)
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_m9_a_drive_that_follows_its_register_gets_the_same_words_if_no_reading_is_possible(
+    follows: bool,
+) -> None:
+    """A cyclic writer would be refused for ever. Without following, its trigger is refused."""
+    deeds = {**FOLLOWING_DEEDS, 1: Operation(Action.ABSOLUTE)}
+    motion = MotionPlan(is_staged=True, triggers=(TriggerPlan(TRIGGER, deeds=deeds),))
+    memory = DeafDrive()
+    bench = Bench(axis_plan(motion=motion, bits={"done": BitField(STATUS, DONE_BIT)}), memory=memory)
+    start = (trigger(FOLLOW), write(COMMAND, 2000)) if follows else (write(COMMAND, 2000), trigger(1))
+    for pdu in start:
+        bench.ask(pdu)
+    bench.wait(1200)
+    bench.ask(bytes.fromhex("03 005C 0001"))
+    assert bench.actual() == 2000
+    memory.is_deaf = True
+    bench.cut(20)
+    for _ in range(3):
+        assert bench.ask(write(COMMAND, 2000)) == bytes.fromhex("10 0606 0002")
+    assert bench.ask(trigger(FOLLOW if follows else 1)) == (trigger(FOLLOW) if follows else b"\x86\x06")
+    assert memory.ends == [2010] * (4 if follows else 1)
+
+
 TWO_PATHS = MotionPlan(
     is_staged=True,
     triggers=(

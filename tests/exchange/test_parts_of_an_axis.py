@@ -364,8 +364,8 @@ def test_a_staged_target_from_before_a_lost_link_is_repeated_if_it_was_seen_ther
 ) -> None:
     axis = reached(way, an_axis(has_actual=has_actual, motion=MotionPlan(is_staged=True)))
     axis.lose_link(7 * MS)
-    assert axis.motion.repeat_kind(0, COMMAND.pack(50_000)) is kind
-    assert axis.motion.repeat_kind(0, COMMAND.pack(50_001)) is RepeatKind.NEW
+    assert axis.repeat_kind(0, COMMAND.pack(50_000)) is kind
+    assert axis.repeat_kind(0, COMMAND.pack(50_001)) is RepeatKind.NEW
 
 
 # --- its reference -----------------------------------------------------------------------------------------

@@ -67,6 +67,7 @@ from gateway.exchange.axis.motion import (
     Motion,
     MotionEvent,
     MotionState,
+    RepeatKind,
 )
 from gateway.exchange.axis.reach import DriveReach, PositionAnswer, Readability
 from gateway.exchange.axis.recall import Recall
@@ -236,6 +237,10 @@ class Axis:
         return self.reports.take(is_unsure=self.is_unsure)
 
     # --- where it is -----------------------------------------------------------------------------------
+
+    def repeat_kind(self, number: int, nominal_words: bytes) -> RepeatKind:
+        """Return how to handle a target that may be the one from before a loss (``Motion.repeat_kind``)."""
+        return self.motion.repeat_kind(number, nominal_words, waits=not self.rules.goes_at_once(number))
 
     def forget(self) -> None:
         """Mark as unknown where the axis is and what its drive holds (M7)."""

@@ -873,8 +873,11 @@ class Motion:
             return None
         return kept
 
-    def repeat_kind(self, number: int, nominal_words: bytes) -> RepeatKind:
-        """Return how to handle a target that may be the one from before a loss, by present knowledge."""
+    def repeat_kind(self, number: int, nominal_words: bytes, *, waits: bool) -> RepeatKind:
+        """Return how to handle a target that may be the one from before a loss, by present knowledge.
+
+        ``waits``: the drive may wait for a trigger.
+        """
         kept = self.superseded_as(number, nominal_words)
         if kept is None:
             return RepeatKind.NEW
@@ -882,7 +885,7 @@ class Motion:
             return RepeatKind.SAME_WORDS
         if not self.plan.actual and not kept.is_other_reference:
             return RepeatKind.SAME_WORDS  # no reading is possible, and its positions are still meaningful
-        return REPEAT_KINDS[self.is_seen_at_superseded, self.plan.motion.waits_for_trigger, kept.was_there]
+        return REPEAT_KINDS[self.is_seen_at_superseded, waits, kept.was_there]
 
     @property
     def is_seen_at_superseded(self) -> bool:

@@ -389,11 +389,19 @@ class RuleImage:
 
     def may_go_at_once(self, number: int) -> bool:
         """Whether the drive may go to a position before anything else is written (M2)."""
+        for trigger in self.following:
+            word = self._words.get(trigger.address)
+            if word is None or trigger.holds_unknown(word):
+                return True
+        return self.goes_at_once(number)
+
+    def goes_at_once(self, number: int) -> bool:
+        """Whether the drive certainly does so."""
         if not (self.plan.is_staged or self.plan.starts_on):
             return True  # its triggers only stop it, or move it in another way
         for trigger in self.following:
             word = self._words.get(trigger.address)
-            if word is None or trigger.is_following(word) or trigger.holds_unknown(word):
+            if word is not None and trigger.is_following(word):
                 return True
         mode = self.plan.mode(number)
         mode_word = None if mode is None else self._words.get(mode.address)
