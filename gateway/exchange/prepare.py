@@ -79,7 +79,12 @@ def prepare(request: Request, *, has_stop: bool = False) -> None:
         for target in (*command.targets, *command.runs):
             command.epochs[target.number] = axis.fields[target.number].epoch
     if access.read_quantity:
-        _prepare_read(request)
+        try:
+            _prepare_read(request)
+        except RefusedRequestError as error:
+            if not has_stop:
+                raise
+            request.read_refusal = error.code
 
 
 def _leaving(run: Rendering, now_ns: int) -> Rendering:

@@ -98,6 +98,7 @@ class Request:
         "now_ns",
         "prefetched",
         "read_hits",
+        "read_refusal",
         "read_span",
         "readbacks",
         "sent_pdu",
@@ -125,6 +126,8 @@ class Request:
         self.sent_pdu = frame.pdu
         self.read_hits = NO_HITS
         self.read_span = NO_SPAN
+        self.read_refusal = 0
+        """Exception code in place of what is read; 0: none. A stop passes whatever its frame reads."""
         self.readbacks: dict[str, Readback] = {}
         """By axis, as they were when it was sent; an axis that passed 1:1 has none."""
 

@@ -21,6 +21,7 @@ from tests.exchange.staged_bench import (
     DEEDS,
     JOG_PDU,
     ONLY_ABSOLUTE,
+    RUN,
     RUN_PDU,
     RUN_RELATIVE_PDU,
     STOP,
@@ -981,3 +982,21 @@ def test_m3_a_drive_that_takes_a_stop_for_a_target_keeps_its_writer_and_its_word
     assert [pdu.hex(" ") for _, _, pdu in cnc.replies] == ["06 06 06 24 00"]
     assert bench.seen[-1] == bytes.fromhex("10 0606 0002 04 240A 0000")
     assert bench.line.axes[0].hold.writer == "cnc"
+
+
+def test_m3_a_stop_in_a_frame_that_cuts_a_position_in_its_read_reaches_the_drive() -> None:
+    """FC23 reads 125 registers from the second one of the position on: with the first they are too many."""
+    bench = StagedBench()
+    bench.go_to(50_000)
+    bench.run(20_000)
+    span = (ACTUAL.address + 1).to_bytes(2, "big") + (125).to_bytes(2, "big")
+    stop, run = (
+        b"\x17" + span + TRIGGER.to_bytes(2, "big") + b"\x00\x01\x02" + value.to_bytes(2, "big")
+        for value in (STOP, RUN)
+    )
+    assert bench.ask(run) == bytes.fromhex("97 02")
+    moves = len(bench.drive.moves)
+    assert bench.ask(stop) == bytes.fromhex("97 02")  # which says nothing of what was written
+    assert bench.seen[-1] == stop
+    assert [kind for kind, _ in bench.drive.moves[moves:]] == ["stop"]
+    assert bench.line.axes[0].motion.state is MotionState.STOPPED
