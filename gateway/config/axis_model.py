@@ -220,7 +220,8 @@ class AxisSection(StrictModel):
     )
     max_speed: Planned[LengthOrZero] = Field(
         default=0.0,
-        description="highest speed in units/s; 0: not known",
+        description="highest speed in units/s; 0: not known. Without it a target on the way of a moving axis "
+        "is flagged if its reading is older than `fresh_ms`",
         json_schema_extra=documented(kind="units/s ≥ 0"),
     )
     hysteresis: LengthOrZero | None = Field(

@@ -8,7 +8,7 @@ Only two things of an axis change here, both in its ``correction``: what a strea
 terms request.
 """
 
-from math import isfinite
+from math import inf, isfinite
 from typing import Final, NamedTuple
 
 from gateway.catalogue import refusals
@@ -385,8 +385,10 @@ def _estimated_position(axis: Axis, nominal_counts: Counts, now_ns: int) -> Posi
 
 
 def _reach_counts(axis: Axis, age_ns: int) -> float:
-    """How far the axis may have moved since it was seen; 0 if its speed is unknown."""
+    """How far the axis may have moved since it was seen; if its speed is unknown: 0 while that is fresh."""
     settings = axis.plan.settings
+    if not settings.max_speed:
+        return 0.0 if age_ns <= settings.fresh_ms * NS_PER_MS else inf
     return settings.max_speed * age_ns / NS_PER_S * abs(settings.counts_per_unit)
 
 

@@ -1055,18 +1055,22 @@ def test_every_answer_leads_where_the_table_says() -> None:
 
 
 @pytest.mark.parametrize(
-    ("answers_after_ms", "target", "told", "is_flagged"),
+    ("max_speed", "answers_after_ms", "target", "told", "is_flagged"),
     [
-        (45, 40_000, 40_010, False),  # at 200 mm/s it has gone 9 mm of 10
-        (60, 40_000, 40_010, True),  # 12 mm: it may be beyond its target, which is backward then
-        (300, 20_000, 19_990, False),  # behind it, and further with each moment
-        (300, 95_000, 95_010, False),  # beyond its last target, which it does not pass
+        (200.0, 45, 40_000, 40_010, False),  # it has gone 9 mm of 10
+        (200.0, 60, 40_000, 40_010, True),  # 12 mm: it may be beyond its target, which is backward then
+        (200.0, 300, 20_000, 19_990, False),  # behind it, and further with each moment
+        (200.0, 300, 95_000, 95_010, False),  # beyond its last target, which it does not pass
+        (0.0, 18, 40_000, 40_010, False),  # its speed is not known, and the reading is fresh (20 ms)
+        (0.0, 60, 40_000, 40_010, True),
+        (0.0, 60, 20_000, 19_990, False),
+        (0.0, 60, 95_000, 95_010, False),
     ],
 )
 def test_m6_an_axis_that_may_have_passed_its_target_since_it_was_read_is_flagged(
-    answers_after_ms: int, target: int, told: int, is_flagged: bool
+    max_speed: float, answers_after_ms: int, target: int, told: int, is_flagged: bool
 ) -> None:
-    bench = Bench(axis_plan(max_speed=200.0))
+    bench = Bench(axis_plan(max_speed=max_speed))
     bench.move(10_000)
     bench.actual()
     bench.wait(1_000)

@@ -620,6 +620,12 @@ def _judge_uncertainty(world: "World", number: int, aim: "Aim") -> None:
     reach = settings.max_speed * world.reading_age_ns / NS_PER_S * abs(settings.counts_per_unit)
     if run is None and abs(aim.nominal_counts - aim.from_counts) <= reach:
         return  # an axis that something else may be moving can have passed its target since it was read
+    if (
+        not settings.max_speed
+        and world.reading_age_ns > settings.fresh_ms * NS_PER_MS
+        and _may_have_passed(axis, aim)
+    ):
+        return
     low, high = sorted(_branches(world, aim.nominal_counts, aim))
     beside = world.design.beside_counts
     for way in (axis.stopped, axis.run):
@@ -630,6 +636,14 @@ def _judge_uncertainty(world: "World", number: int, aim: "Aim") -> None:
             f"target {aim.nominal_counts} is taken for unsure, and the axis stands at {aim.from_counts}, "
             f"beyond {low:.1f} to {high:.1f}: a reading tells (M6)"
         )
+
+
+def _may_have_passed(axis: "Axis", aim: "Aim") -> bool:
+    """Whether a target lies on the way on which an axis of unknown speed is (M6)."""
+    if axis.run is None:
+        return True
+    ahead, away = axis.run.end_counts - aim.from_counts, aim.nominal_counts - aim.from_counts
+    return ahead * away > 0 and abs(away) <= abs(ahead) + 2 * SLOPE_COUNTS
 
 
 def _judge_side(world: "World", axis: "Axis", way: "Run", aim: "Aim") -> None:
