@@ -21,7 +21,14 @@ from gateway.counts import Counts
 from gateway.drives.motion import Action, NextTarget
 from gateway.exchange.axis.acknowledge import Rendering
 from gateway.exchange.axis.axis import Axis
-from gateway.exchange.axis.motion import MAY_BE_ELSEWHERE, ON_BRANCH, Actual, MotionState, RepeatKind
+from gateway.exchange.axis.motion import (
+    MAY_BE_ELSEWHERE,
+    ON_BRANCH,
+    Actual,
+    MotionState,
+    RepeatKind,
+    Reported,
+)
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.kept_words import may_keep_words, spec_of_words
 from gateway.exchange.refusal import refused
@@ -393,8 +400,14 @@ def _reach_counts(axis: Axis, age_ns: int) -> float:
 
 
 def _may_run(axis: Axis, actual: Actual) -> bool:
-    """Whether something other than a target may have been moving the axis when it was seen (M6)."""
-    return axis.motion.state is MotionState.UNKNOWN and not axis.motion.may_stand(actual.seen_ns)
+    """Whether something other than a target may have been moving the axis when it was seen (M6).
+
+    A drive whose halt was taken back goes on to its old target.
+    """
+    motion = axis.motion
+    if motion.state is MotionState.STOPPED:
+        return motion.reported is Reported.MOVES
+    return motion.state is MotionState.UNKNOWN and not motion.may_stand(actual.seen_ns)
 
 
 def may_have_passed(axis: Axis, corrected_counts: Counts, fresh: Actual, now_ns: int) -> bool:

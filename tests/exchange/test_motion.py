@@ -773,6 +773,34 @@ def test_m6_an_axis_may_have_passed_its_target_since_the_reading() -> None:
         assert unsure(bench) is is_flagged
 
 
+@pytest.mark.parametrize(
+    ("is_released", "answers_after_ms", "is_flagged"),
+    [(False, 60, False), (True, 4, False), (True, 60, True)],
+)
+def test_m6_an_axis_that_goes_on_after_a_halt_may_have_passed_its_target_since_the_reading(
+    is_released: bool, answers_after_ms: int, is_flagged: bool
+) -> None:
+    """It is read 1 mm before its target. At 200 mm/s it goes 0.8 mm in 4 ms, and 12 mm in 60."""
+    bench = StagedBench(staged_plan(max_speed=200.0, commanded=()))
+    bench.go_to(10_000)
+    bench.run(90_000)
+    bench.poll()
+    bench.drive.pass_by(50_000)
+    bench.trigger(STOP_PDU)
+    bench.poll()
+    bench.wait(1_000)
+    bench.drive.set_bits(is_done=not is_released)
+    bench.poll()
+    bench.drive.pass_by(59_000)
+    bench.stage(60_000)
+    bench.send(RUN_PDU)
+    assert [pdu for _, pdu in bench.link.sent] == [read(ACTUAL)]
+    bench.wait(answers_after_ms - 1)
+    bench.serve()
+    assert bench.drive.moves[-1] == ("absolute", 60_010)
+    assert unsure(bench) is is_flagged
+
+
 @pytest.mark.parametrize("change", [{"added_frames": False}, {"safe_read": False}])
 def test_m6_without_added_frames_a_jogged_axis_keeps_its_branch_and_is_flagged(
     change: dict[str, bool],
