@@ -423,7 +423,9 @@ def may_have_passed(axis: Axis, corrected_counts: Counts, fresh: Actual, now_ns:
     if accepted is None or axis.motion.state is not MotionState.MOVING:
         return False
     ahead_counts = accepted.corrected_counts - fresh.counts
-    return away_counts * ahead_counts > 0 and abs(away_counts) <= min(reach_counts, abs(ahead_counts))
+    if away_counts * ahead_counts <= 0 or abs(away_counts) >= abs(ahead_counts):
+        return False
+    return abs(away_counts) <= reach_counts
 
 
 def _measured(axis: Axis, actual: Actual) -> PositionEstimate:

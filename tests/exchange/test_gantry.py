@@ -643,6 +643,21 @@ def test_a_first_trigger_that_was_refused_may_come_again() -> None:
     assert bench.run(1, 2) == [60_010, 60_010]
 
 
+def test_m6_a_repeat_of_the_target_to_which_an_axis_goes_is_not_passed_on_the_way() -> None:
+    """Its words are fixed by the first trigger. Its reading is old by then, and its speed is not known."""
+    bench = GantryBench(max_speed=0.0)
+    bench.go(50_000)
+    bench.begin(90_000)
+    bench.run(2)
+    bench.wait(100)
+    bench.stage(1, 90_000)
+    bench.stage(2, 90_000)
+    bench.run(2)
+    bench.wait(100)
+    bench.run(1)
+    assert not any(axis.is_unsure for axis in bench.line.axes)
+
+
 def test_an_axis_with_an_alarm_between_two_triggers_is_still_run_corrected() -> None:
     bench = GantryBench(referenced=Reference.SET_POSITION)
     for unit_id in (1, 2):

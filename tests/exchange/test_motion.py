@@ -797,7 +797,7 @@ def test_m6_an_axis_that_goes_on_after_a_halt_may_have_passed_its_target_since_t
     assert [pdu for _, pdu in bench.link.sent] == [read(ACTUAL)]
     bench.wait(answers_after_ms - 1)
     bench.serve()
-    assert bench.drive.moves[-1] == ("absolute", 60_010)
+    assert bench.drive.moves[-1] == ("absolute", 60_010.0)
     assert unsure(bench) is is_flagged
 
 
