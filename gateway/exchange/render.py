@@ -12,7 +12,7 @@ from math import inf, isfinite
 from typing import Final, NamedTuple
 
 from gateway.catalogue import refusals
-from gateway.compensation.correction_spec import NOTHING
+from gateway.compensation.correction_spec import NOTHING, CorrectionSpec
 from gateway.compensation.direction import Direction
 from gateway.compensation.errors import OutOfTableError, OutsideTravelError
 from gateway.compensation.moves import Accepted, EstimateKind, Move, PositionEstimate
@@ -112,7 +112,7 @@ def render(
     if unacknowledged is not None and axis.compensation.is_stream and not is_passing:
         return unacknowledged  # the drive may hold it: the same setpoint keeps its words (M4)
     if needs_offset(axis):
-        axis.correction.begin_stream(number, nominal_words, _first_actual(axis, seen))
+        axis.correction.begin_stream(number, nominal_words, _first_actual(axis, seen), _former(axis))
         is_passing = axis.passes_unchanged
     repeat_kind = axis.repeat_kind(number, nominal_words) if is_kept else RepeatKind.NEW
     if repeat_kind is RepeatKind.SAME_WORDS:
@@ -184,7 +184,13 @@ def needs_offset(axis: Axis) -> bool:
     is_first = compensation.is_stream and compensation.state.position is None
     if not is_first or correction.is_dry_run:
         return False
-    return correction.base is not NOTHING or bool(correction.former)
+    return correction.base is not NOTHING or bool(_former(axis))
+
+
+def _former(axis: Axis) -> tuple[CorrectionSpec, ...]:
+    """Return what the last run may have left in force; a group has that of all its axes, or none (M11)."""
+    is_known = all(peer.correction.former for peer in axis.peers)
+    return axis.correction.former if is_known else ()
 
 
 def _first_actual(axis: Axis, seen: RenderContext) -> Actual | None:

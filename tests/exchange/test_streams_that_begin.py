@@ -1,11 +1,13 @@
 """Streams that begin or lose their reference: only a different setpoint moves the drive (M6, M9)."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.exchange.axis.record_layout import RECORD_SIZE
 from gateway.exchange.plan import AxisPlan, CompensationMode, LineTiming, Reference
 from gateway.modbus.registers import BitField
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
@@ -184,6 +186,56 @@ def test_m6_an_axis_that_is_homed_before_its_stream_begins_has_no_old_correction
     again.line.axes[0].move_zero()
     again.memory.put(ACTUAL, 0)
     assert stream(again, [200]) == [200]
+
+
+Y_COMMAND, Y_ACTUAL = (replace(field, address=field.address + 0x1000) for field in (COMMAND, ACTUAL))
+CHANGED = {"table": make_table([0, 100], [0.1, 0.1], [0.1, 0.1], Units.MM)}
+
+
+def beam(**changes: Any) -> tuple[AxisPlan, AxisPlan]:
+    x = stream_plan(**{"table": LIFTED, "reload_distance": 1.2, **changes})
+    return x, replace(x, name="y", command=(Y_COMMAND,), actual=(Y_ACTUAL,))
+
+
+def move_beam(bench: RecordBench, *setpoints: int) -> tuple[int | float, int | float]:
+    """Stream setpoints to both sides of a beam; return the last ones that their drives got."""
+    for setpoint in setpoints:
+        for command, actual in ((COMMAND, ACTUAL), (Y_COMMAND, Y_ACTUAL)):
+            bench.ask(write(command, setpoint))
+            bench.memory.put(actual, bench.memory.get(command))
+        bench.wait(10)
+    return bench.memory.get(COMMAND), bench.memory.get(Y_COMMAND)
+
+
+@pytest.mark.parametrize(
+    ("changes", "without"),
+    [({"compensation": CompensationMode.OFF}, 21_400), (NO_TABLE, 21_400), (CHANGED, 21_501)],
+    ids=["off", "no table", "another table"],
+)
+@pytest.mark.parametrize("lost", ["", "x", "y"])
+def test_m11_both_sides_of_a_beam_keep_their_old_correction_or_none_does(
+    changes: dict[str, Any], without: int, lost: str
+) -> None:
+    """Without it a stream may begin with what its table gives now, and half a step of both registers."""
+    bench = RecordBench(*beam(), groups=[("x", "y")])
+    assert move_beam(bench, 13_000, 15_000, 18_000, 20_000, 21_400) == (21_700, 21_700)
+    if lost:
+        bench.records.buffers[lost] = bytearray(RECORD_SIZE)
+    again = bench.restarted(*beam(**changes), find_table=lambda _: LIFTED)
+    told = without if lost else 21_700
+    assert move_beam(again, 21_400) == (told, told)
+
+
+@pytest.mark.parametrize("missing", ["x", "y"])
+def test_m11_no_side_of_a_beam_keeps_its_old_correction_if_the_table_of_one_is_missing(missing: str) -> None:
+    bench = RecordBench(*beam(), groups=[("x", "y")])
+    move_beam(bench, 13_000, 15_000, 18_000, 20_000, 21_400)
+    plans = [
+        replace(plan, table=None if plan.name == missing else LIFTED)
+        for plan in beam(compensation=CompensationMode.OFF)
+    ]
+    again = bench.restarted(*plans)
+    assert move_beam(again, 21_400) == (21_400, 21_400)
 
 
 def test_m9_an_axis_that_was_not_corrected_in_the_last_run_is_not_read_at_the_start() -> None:

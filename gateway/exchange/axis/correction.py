@@ -118,10 +118,13 @@ class RequestedCorrection:
 
     # --- a stream that begins --------------------------------------------------------------------------
 
-    def begin_stream(self, number: int, nominal_words: bytes, actual: Actual | None) -> None:
+    def begin_stream(
+        self, number: int, nominal_words: bytes, actual: Actual | None, former: tuple[CorrectionSpec, ...]
+    ) -> None:
         """Put the offset that the drive already has into force before the first setpoint of a stream (M6).
 
-        ``actual``: where the axis is; None: unknown, and nothing changes.
+        ``actual``: where the axis is; None: unknown, and nothing changes. ``former``: what the last run may
+        have left in force.
         """
         plan, compensation = self._motion.plan, self._motion.compensation
         field_, settings = plan.command[number], plan.settings
@@ -133,6 +136,6 @@ class RequestedCorrection:
         slack /= abs(settings.counts_per_unit)
         position = compensation.machine_position(actual.counts)
         slack += 0.0 if self.terms is None else min(self.terms.largest_at(position), settings.max_correction)
-        specs = (self.base, *self.former)
+        specs = (self.base, *former)
         rest = compensation.assume_offset(actual.counts, counts_of(field_, raw), specs, slack)
         self._reports.begin_stream(compensation.state.spec.offset, rest)
