@@ -9,7 +9,7 @@ from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
 from gateway.exchange.axis.record_layout import RECORD_SIZE
 from gateway.exchange.plan import AxisPlan, CompensationMode, LineTiming, Reference
-from gateway.modbus.registers import BitField
+from gateway.modbus.registers import BitField, PositionField, RegisterType
 from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
 from tests.exchange.record_bench import RecordBench
 
@@ -186,6 +186,20 @@ def test_m6_an_axis_that_is_homed_before_its_stream_begins_has_no_old_correction
     again.line.axes[0].move_zero()
     again.memory.put(ACTUAL, 0)
     assert stream(again, [200]) == [200]
+
+
+REMAP = PositionField(0x0900, RegisterType.INT16)
+
+
+@pytest.mark.parametrize("mode", [CompensationMode.ON, CompensationMode.OFF])
+def test_m10_after_a_remapping_no_old_correction_is_left(mode: CompensationMode) -> None:
+    again = streamed(13_000, 15_000, 18_000, 20_000, 21_400).restarted(
+        off(compensation=mode, remapping=(REMAP,))
+    )
+    stream(again, [22_000])
+    again.ask(write(REMAP, 1))
+    again.memory.put(ACTUAL, 99_000)  # its register means something else now
+    assert stream(again, [22_500]) == [22_500]
 
 
 Y_COMMAND, Y_ACTUAL = (replace(field, address=field.address + 0x1000) for field in (COMMAND, ACTUAL))

@@ -89,6 +89,7 @@ class RequestedCorrection:
     def end(self) -> None:
         """Apply no table until the gateway restarts."""
         self.is_enabled = False
+        self.former = ()
         self.choose()
 
     # --- its terms -------------------------------------------------------------------------------------
