@@ -205,7 +205,7 @@ def _move_by(axis: Axis, action: Action, now_ns: int, *, is_certain: bool) -> No
     moved_ns = None if action in (Action.STOP, Action.SET_POSITION) else now_ns
     axis.motion.displace(moved_ns, keeps_branch=action is Action.STOP)
     if action in (Action.HOME, Action.SET_POSITION):
-        axis.move_zero()
+        axis.move_zero(is_certain=is_certain)
     if action is Action.HOME:
         axis.begin_homing(now_ns, is_certain=is_certain)
     elif action is Action.SET_POSITION:

@@ -166,7 +166,7 @@ def test_an_open_target_stays_open_over_a_silence_and_the_record_names_it() -> N
 
 def test_a_move_of_the_zero_voids_words_and_positions() -> None:
     axis = reached("arrived")
-    axis.move_zero()
+    axis.move_zero(is_certain=True)
     assert (axis.fields[0].nominal_words, axis.fields[0].corrected_words) == (NOMINAL, None)
     assert axis.motion.actual is None
     assert axis.compensation.accepted is not None
@@ -175,12 +175,12 @@ def test_a_move_of_the_zero_voids_words_and_positions() -> None:
 def test_a_stream_begins_again_after_its_zero_was_moved() -> None:
     axis = Axis(stream_plan())
     acknowledge(axis)
-    axis.move_zero()
+    axis.move_zero(is_certain=True)
     assert axis.compensation.accepted is None
     assert axis.compensation.state.position is None
     assert not axis.passes_unchanged
     lost = Axis(stream_plan(referenced=Reference.SET_POSITION))
-    lost.move_zero()
+    lost.move_zero(is_certain=True)
     assert lost.passes_unchanged
 
 

@@ -7,10 +7,11 @@ import pytest
 
 from gateway.compensation.table import make_table
 from gateway.compensation.units import Units
+from gateway.drives.motion import Action, MotionPlan, Operation, TriggerPlan
 from gateway.exchange.axis.record_layout import RECORD_SIZE
 from gateway.exchange.plan import AxisPlan, CompensationMode, LineTiming, Reference
 from gateway.modbus.registers import BitField, PositionField, RegisterType
-from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, read, stream_plan, write
+from tests.exchange.line_bench import ACTUAL, COMMAND, MS, Bench, Memory, read, stream_plan, write
 from tests.exchange.record_bench import RecordBench
 
 HOMED = BitField(0x0031, 5)
@@ -145,6 +146,19 @@ def off(**changes: Any) -> AxisPlan:
     return stream_plan(**plan)
 
 
+HOME, SET_POSITION = bytes.fromhex("06 0100 0001"), bytes.fromhex("06 0100 0002")
+ZEROING = MotionPlan(
+    triggers=(TriggerPlan(0x0100, deeds={1: Operation(Action.HOME), 2: Operation(Action.SET_POSITION)}),)
+)
+
+
+class Refusing(Memory):
+    """A drive that takes no new zero."""
+
+    def answer(self, pdu: bytes) -> bytes:
+        return b"\x86\x04" if pdu in (HOME, SET_POSITION) else super().answer(pdu)
+
+
 NO_TABLE = {"table": None, "compensation": CompensationMode.ON}
 
 
@@ -153,6 +167,14 @@ def streamed(*setpoints: int) -> RecordBench:
     bench = RecordBench(stream_plan(table=LIFTED, reload_distance=1.2))
     stream(bench, list(setpoints))
     return bench
+
+
+def refusing(bench: RecordBench) -> RecordBench:
+    """Return the axis after a restart without its correction; its drive takes no new zero."""
+    memory = Refusing()
+    memory.words = dict(bench.memory.words)
+    plan = off(motion=ZEROING)
+    return RecordBench(plan, records=bench.records.copy(), memory=memory, start_ns=bench.now_ns)
 
 
 @pytest.mark.parametrize("changes", [{}, NO_TABLE])
@@ -182,10 +204,30 @@ def test_m6_a_drive_beside_its_record_keeps_what_may_be_its_old_correction(stand
 
 
 def test_m6_an_axis_that_is_homed_before_its_stream_begins_has_no_old_correction() -> None:
-    again = streamed(13_000, 15_000, 18_000, 20_000, 21_400).restarted(off())
-    again.line.axes[0].move_zero()
+    again = streamed(13_000, 15_000, 18_000, 20_000, 21_400).restarted(off(motion=ZEROING))
+    again.ask(HOME)
     again.memory.put(ACTUAL, 0)
     assert stream(again, [200]) == [200]
+
+
+@pytest.mark.parametrize("pdu", [HOME, SET_POSITION], ids=["home", "set-position"])
+@pytest.mark.parametrize(("before", "setpoint", "told"), [([], 21_400, 21_700), ([22_000], 22_000, 22_300)])
+def test_m6_a_refused_homing_or_set_position_leaves_the_old_correction_in_force(
+    pdu: bytes, before: list[int], setpoint: int, told: int
+) -> None:
+    again = refusing(streamed(13_000, 15_000, 18_000, 20_000, 21_400))
+    stream(again, before)
+    assert again.ask(pdu) == b"\x86\x04"
+    assert stream(again, [setpoint] * 2) == [told] * 2
+    assert stream(again, [setpoint + 600, setpoint + 1_200]) == [setpoint + 600 + 150, setpoint + 1_200]
+
+
+def test_m6_a_refused_homing_brings_no_old_correction_back_that_has_faded_out() -> None:
+    again = refusing(streamed(13_000, 15_000, 18_000, 20_000, 21_400))
+    assert stream(again, [22_000, 22_600, 23_200, 22_600])[2:] == [23_200, 22_600]
+    again.memory.put(ACTUAL, 22_800)  # it lags behind
+    again.ask(HOME)
+    assert stream(again, [22_500]) == [22_500]
 
 
 REMAP = PositionField(0x0900, RegisterType.INT16)

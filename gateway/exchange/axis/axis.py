@@ -415,11 +415,17 @@ class Axis:
         self.forget()
         self.compensation.begin_anew()
 
-    def move_zero(self) -> None:
-        """The drive counts from another zero: its targets, and the positions that were read, are void."""
+    def move_zero(self, *, is_certain: bool) -> None:
+        """The drive counts from another zero: its targets, and the positions that were read, are void.
+
+        ``is_certain``: the drive acknowledged it. Otherwise the old zero may still count, and so may the
+        correction of the last run that has not faded out.
+        """
         self.invalidate_words()
         self.motion.forget_position()
-        self.correction.former = ()
+        has_begun = self.compensation.state.position is not None
+        if is_certain or (has_begun and self.compensation.is_passing):
+            self.correction.former = ()
         if self.compensation.is_stream:
             self.compensation.begin_anew()
             if self.reference.is_referenced:
