@@ -31,6 +31,7 @@ from gateway.exchange.axis.motion import (
 )
 from gateway.exchange.field_counts import counts_of, steps_of
 from gateway.exchange.kept_words import may_keep_words, spec_of_words
+from gateway.exchange.plan import MOVING_BIT
 from gateway.exchange.refusal import refused
 from gateway.exchange.request import Prefetched, Standstill
 from gateway.modbus.errors import RegisterRangeError
@@ -412,7 +413,7 @@ def _may_run(axis: Axis, actual: Actual) -> bool:
     """
     motion = axis.motion
     if motion.state is MotionState.STOPPED:
-        return motion.reported is Reported.MOVES
+        return motion.is_moving if MOVING_BIT in axis.plan.bits else motion.reported is Reported.MOVES
     return motion.state is MotionState.UNKNOWN and not motion.may_stand(actual.seen_ns)
 
 

@@ -31,9 +31,11 @@ from tests.exchange.staged_bench import (
     BITS,
     COMMANDED,
     HOME_PDU,
+    HOMED_BIT,
     JOG_PDU,
     RUN_PDU,
     RUN_RELATIVE_PDU,
+    STATUS,
     STOP_PDU,
     ZERO_PDU,
     StagedBench,
@@ -799,6 +801,32 @@ def test_m6_an_axis_that_goes_on_after_a_halt_may_have_passed_its_target_since_t
     bench.serve()
     assert bench.drive.moves[-1] == ("absolute", 60_010.0)
     assert unsure(bench) is is_flagged
+
+
+@pytest.mark.parametrize("then", ["no poll", "a poll", "a poll with done 0"])
+@pytest.mark.parametrize("has_moving", [True, False], ids=["moving", "done"])
+def test_m6_after_a_stop_the_moving_bit_says_whether_the_axis_moves(then: str, has_moving: bool) -> None:
+    """It moved when it was asked before its stop; 800 ms later its drive is read 60 ms before the target.
+
+    A done bit may stay 0 after a stop: where a moving bit is mapped, that one decides. It counts from the stop.
+    """
+    bits = {name: bit for name, bit in BITS.items() if has_moving or name != "moving"}
+    bench = StagedBench(staged_plan(max_speed=0.0, commanded=(), bits=bits))
+    bench.go_to(10_000)
+    bench.run(90_000)
+    bench.poll()
+    bench.drive.pass_by(50_000)
+    bench.trigger(STOP_PDU)
+    if then == "a poll with done 0":
+        bench.drive.write(STATUS, (1 << HOMED_BIT).to_bytes(2, "big"))
+    if then != "no poll":
+        bench.poll()
+    bench.wait(800)
+    bench.stage(80_000)
+    bench.send(RUN_PDU)
+    bench.wait(60)
+    bench.serve()
+    assert unsure(bench) is (then != "a poll" and not has_moving)
 
 
 @pytest.mark.parametrize("change", [{"added_frames": False}, {"safe_read": False}])
