@@ -542,6 +542,25 @@ def test_m9_a_drive_that_follows_its_register_gets_the_same_words_if_no_reading_
     assert memory.ends == [2010] * (4 if follows else 1)
 
 
+@pytest.mark.parametrize("word", [0, 1])
+def test_m9_a_drive_that_starts_on_a_word_of_its_position_gets_the_same_words(word: int) -> None:
+    """Each whole position moves the axis (IAI): a cyclic writer would be refused for ever."""
+    memory = DeafDrive()
+    motion = MotionPlan(starts_on=frozenset({COMMAND.address + word}))
+    bench = Bench(axis_plan(motion=motion, bits={"done": BitField(STATUS, DONE_BIT)}), memory=memory)
+    memory.write(STATUS, (1 << DONE_BIT).to_bytes(2, "big"))
+    bench.ask(write(COMMAND, 2000))
+    memory.put(ACTUAL, 2010)
+    bench.wait(1200)
+    bench.ask(bytes.fromhex("03 005C 0001"))
+    assert bench.actual() == 2000
+    memory.is_deaf = True
+    bench.cut(20)
+    for _ in range(3):
+        assert bench.ask(write(COMMAND, 2000)) == bytes.fromhex("10 0606 0002")
+    assert memory.get(COMMAND) == 2010
+
+
 TWO_PATHS = MotionPlan(
     is_staged=True,
     triggers=(

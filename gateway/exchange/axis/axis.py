@@ -240,7 +240,10 @@ class Axis:
 
     def repeat_kind(self, number: int, nominal_words: bytes) -> RepeatKind:
         """Return how to handle a target that may be the one from before a loss (``Motion.repeat_kind``)."""
-        return self.motion.repeat_kind(number, nominal_words, waits=not self.rules.goes_at_once(number))
+        field_ = self.plan.command[number]
+        starts = not self.plan.motion.starts_on.isdisjoint(range(field_.address, field_.end))
+        waits = not (starts or self.rules.goes_at_once(number))
+        return self.motion.repeat_kind(number, nominal_words, waits=waits)
 
     def forget(self) -> None:
         """Mark as unknown where the axis is and what its drive holds (M7)."""
