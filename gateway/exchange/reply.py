@@ -93,7 +93,7 @@ def _make_field_nominal(hit: FieldHit, request: Request, data: bytearray) -> Non
     axis, at, end = mapped.axis, 2 * hit.word, 2 * (hit.word + mapped.field.words)
     words = bytes(data[at:end])
     readback = request.readbacks.get(axis.plan.name)
-    if readback is not None and any(each.targets for each in request.commands):
+    if readback is not None and request.commands:
         readback = axis.compensation.readback  # FC23 writes before it reads
     if mapped.role is FieldRole.ACTUAL and mapped.number == 0:
         was_undecided = axis.recall.is_open

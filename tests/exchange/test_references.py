@@ -114,6 +114,16 @@ def test_m9_a_position_set_at_rest_is_read_back_as_it_was_set() -> None:
     assert bench.actual() == 10_000
 
 
+def test_m9_a_frame_that_sets_the_position_and_reads_it_reads_what_was_set() -> None:
+    bench = StagedBench(staged_plan(referenced=Reference.SET_POSITION))
+    bench.trigger(ZERO_PDU)
+    bench.go_to(10_000)
+    assert bench.actual() == 10_000
+    reply = bench.ask(bytes.fromhex("17 0520 0002 050E 0001 02 0065"))
+    assert bench.drive.get(ACTUAL) == 0
+    assert ACTUAL.unpack(reply[2:]) == 0
+
+
 @pytest.mark.parametrize("reference", [Reference.ABSOLUTE, Reference.HOMING])
 def test_a16_a_position_set_ends_the_other_references(reference: Reference) -> None:
     bench = StagedBench(staged_plan(referenced=reference))
