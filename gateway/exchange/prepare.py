@@ -84,7 +84,7 @@ def prepare(request: Request, *, has_stop: bool = False) -> None:
         except RefusedRequestError as error:
             if not has_stop:
                 raise
-            request.read_refusal = error.code
+            request.read_refusal = error
 
 
 def _leaving(run: Rendering, now_ns: int) -> Rendering:

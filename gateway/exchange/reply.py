@@ -70,8 +70,8 @@ def _acknowledges(request: Request, reply: bytes) -> bool:
 def nominal_reply(request: Request, reply: bytes) -> bytes:
     """Return a reply to a read with every position on the controller's scale."""
     access = request.frame.access
-    if request.read_refusal:
-        return exception_pdu(request.frame.pdu[0], request.read_refusal)
+    if request.read_refusal is not None:
+        return exception_pdu(request.frame.pdu[0], request.read_refusal.code)
     head = MEI_HEAD if access.is_mei else 2
     data = bytearray(swapped(reply[head:]) if access.is_mei else reply[head:])
     try:

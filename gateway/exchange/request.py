@@ -22,6 +22,7 @@ from gateway.exchange.axis.motion import Actual
 from gateway.exchange.axis.registers import ALL_WORDS, mask_of
 from gateway.exchange.decode import AxisCommand, DecodedRequest, FieldWrite, Part, decode
 from gateway.exchange.kept_words import is_repeat, may_keep_words
+from gateway.exchange.refusal import RefusedRequestError
 from gateway.exchange.unit import NO_HITS, FieldHit, FieldRole, Hits, MappedField
 from gateway.modbus.errors import RegisterRangeError
 from gateway.modbus.registers import PositionField, WordOrder
@@ -126,8 +127,8 @@ class Request:
         self.sent_pdu = frame.pdu
         self.read_hits = NO_HITS
         self.read_span = NO_SPAN
-        self.read_refusal = 0
-        """Exception code in place of what is read; 0: none. A stop passes whatever its frame reads."""
+        self.read_refusal: RefusedRequestError | None = None
+        """What the controller gets in place of what is read. A stop passes whatever its frame reads."""
         self.readbacks: dict[str, Readback] = {}
         """By axis, as they were when it was sent; an axis that passed 1:1 has none."""
 

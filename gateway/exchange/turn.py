@@ -200,10 +200,18 @@ class Turn:
         if added is not None:
             self.put_on_wire(transaction, added.pdu, added.axis.plan.unit_id, now_ns)
             return
-        for request in transaction.requests:
-            self._counters.unknown_modes += leave(request, now_ns)
+        self._leave(transaction, now_ns)
         self.put_on_wire(transaction, pdu, transaction.unit_id, now_ns)
         self._ownership.moved(transaction, now_ns)
+
+    def _leave(self, transaction: Transaction, now_ns: int) -> None:
+        """Record what its requests may change, and tell which of their reads the gateway refuses."""
+        port = transaction.port
+        for request in transaction.requests:
+            self._counters.unknown_modes += leave(request, now_ns)
+            if request.read_refusal is not None:
+                self._report_refusal(request.read_refusal, now_ns)
+                self._counters.count_refusal(None if port is None else port.plan.name)
 
     def _report_refusal(self, refusal: RefusedRequestError, now_ns: int) -> None:
         """Report why a request was refused, and the number of similar ones."""

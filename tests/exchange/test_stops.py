@@ -995,8 +995,11 @@ def test_m3_a_stop_in_a_frame_that_cuts_a_position_in_its_read_reaches_the_drive
         for value in (STOP, RUN)
     )
     assert bench.ask(run) == bytes.fromhex("97 02")
-    moves = len(bench.drive.moves)
+    moves, told = len(bench.drive.moves), bench.kinds().count("refused-value")
+    refused = bench.line.counters.refused
     assert bench.ask(stop) == bytes.fromhex("97 02")  # which says nothing of what was written
+    assert bench.line.counters.refused == refused + 1
+    assert bench.kinds().count("refused-value") == told + 1
     assert bench.seen[-1] == stop
     assert [kind for kind, _ in bench.drive.moves[moves:]] == ["stop"]
     assert bench.line.axes[0].motion.state is MotionState.STOPPED
