@@ -808,7 +808,7 @@ def test_m6_an_axis_that_goes_on_after_a_halt_may_have_passed_its_target_since_t
 def test_m6_after_a_stop_the_moving_bit_says_whether_the_axis_moves(then: str, has_moving: bool) -> None:
     """It moved when it was asked before its stop; 800 ms later its drive is read 60 ms before the target.
 
-    A done bit may stay 0 after a stop: where a moving bit is mapped, that one decides. It counts from the stop.
+    A done bit may stay 0 after a stop: where a moving bit is mapped, that one decides, from the stop on.
     """
     bits = {name: bit for name, bit in BITS.items() if has_moving or name != "moving"}
     bench = StagedBench(staged_plan(max_speed=0.0, commanded=(), bits=bits))
