@@ -1,19 +1,16 @@
 """A configuration with ``include``: several files, read as one document (decision 58)."""
 
-import json
-import re
-from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from gateway.config.findings import Document, Findings, read_document
 from gateway.config.problems import ConfigErrors, Problem, key_text
 from gateway.config.toml import KeyLines
+from gateway.config.toml_text import toml_text
 from gateway.state.include import INCLUDE, IncludeError, included_files, merged
 
 MERGED: Final = "# Merged from "
 """A text that begins so was made of several files: its lines are those of no file."""
-_BARE: Final = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def read_configuration(path: Path) -> Document:
@@ -97,62 +94,3 @@ def check_include(findings: Findings) -> None:
 def shown_element(document: Document, index: int) -> str:
     """Return an element of ``include`` as it is written."""
     return str(document.parts[-1].tables[INCLUDE][index])
-
-
-# --- The merged content as TOML, for what is kept with a plan or a recording
-
-
-def toml_text(tables: Mapping[str, Any]) -> str:
-    """Return tables as TOML that reads as the same tables.
-
-    >>> print(toml_text({"axis": {"x": {"unit_id": 1, "cross": [{"axis": "y"}]}}}), end="")
-    [axis.x]
-    unit_id = 1
-    [[axis.x.cross]]
-    axis = "y"
-    """
-    return "".join(f"{line}\n" for line in _lines((), tables))
-
-
-def _lines(path: tuple[str, ...], table: Mapping[str, Any]) -> Iterator[str]:
-    inside = {key: value for key, value in table.items() if isinstance(value, dict) or _is_of_tables(value)}
-    for key, value in table.items():
-        if key not in inside:
-            yield f"{_key(key)} = {_value(value)}"
-    for key, value in inside.items():
-        below = (*path, key)
-        name = ".".join(map(_key, below))
-        if isinstance(value, dict):
-            has_values = any(not isinstance(each, dict) for each in value.values())
-            if has_values or not value:
-                yield f"[{name}]"
-            yield from _lines(below, value)
-        else:
-            for each in value:
-                yield f"[[{name}]]"
-                yield from _lines(below, each)
-
-
-def _is_of_tables(value: object) -> bool:
-    return isinstance(value, list) and bool(value) and all(isinstance(each, dict) for each in value)
-
-
-def _value(value: object) -> str:
-    if isinstance(value, str):
-        return _string(value)
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, dict):
-        inside = ", ".join(f"{_key(key)} = {_value(each)}" for key, each in value.items())
-        return f"{{ {inside} }}"
-    if isinstance(value, list):
-        return f"[{', '.join(map(_value, value))}]"
-    return str(value)  # a number, or a date or time, whose ISO form TOML has too
-
-
-def _key(key: str) -> str:
-    return key if _BARE.fullmatch(key) else _string(key)
-
-
-def _string(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")  # JSON permits it, TOML does not

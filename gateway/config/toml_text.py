@@ -18,7 +18,7 @@ def quoted(text: str) -> str:
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:
-    """Return a document: a header for each section, then a key on each line.
+    """Return a document that reads as the same tables: a header for each section, a key on each line.
 
     Sections are the tables of the document, and the named ones of a table that has nothing else.
 
@@ -34,7 +34,12 @@ def toml_text(tables: Mapping[str, Any]) -> str:
 
 
 def _sections(tables: Mapping[str, Any]) -> Iterator[list[str]]:
+    alone = {key: value for key, value in tables.items() if not isinstance(value, dict)}
+    if alone:  # before the first header; no configuration has such keys, but a file may
+        yield list(_lines(alone))
     for name, table in tables.items():
+        if name in alone:
+            continue
         if table and all(isinstance(each, dict) for each in table.values()):
             for inner, section in table.items():
                 yield from _section(f"{_key(name)}.{_key(inner)}", section)

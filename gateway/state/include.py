@@ -34,14 +34,14 @@ def included_files(config: Path, tables: Mapping[str, Any]) -> list[list[Path]]:
     names = tables.get(INCLUDE, [])
     if not isinstance(names, list):
         raise IncludeError(None, "found no list", _A_LIST)
-    seen: dict[Path, int | None] = {config.resolve(): None}
+    seen: dict[str, int | None] = {os.path.realpath(config): None}
     found = []
     for index, name in enumerate(names):
         if not isinstance(name, str) or not name or "\0" in name:
             raise IncludeError(index, "found no file name", _A_LIST)
         paths = _files_of(index, config.parent / name)
         for path in paths:
-            if (whole := path.resolve()) in seen:
+            if (whole := os.path.realpath(path)) in seen:  # unlike Path.resolve() it bears a loop of links
                 raise _twice(index, path, seen[whole])
             seen[whole] = index
         found.append(paths)

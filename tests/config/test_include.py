@@ -12,11 +12,12 @@ from gateway.commissioning.evidence.folder import without_secrets
 from gateway.commissioning.recordings import plan_of
 from gateway.config.compile import compile_into_state
 from gateway.config.findings import parse_document
-from gateway.config.included import read_configuration, toml_text
+from gateway.config.included import read_configuration
 from gateway.config.load import Loaded, load
 from gateway.config.problems import ConfigErrors, Problem
 from gateway.config.recording_header import header_of
 from gateway.config.resolved import settings_in
+from gateway.config.toml_text import toml_text
 from gateway.ipc.messages import Pong
 from gateway.state.folder import StateError, state_folder
 from gateway.state.include import merged
@@ -124,6 +125,16 @@ def test_an_error_in_an_included_file_names_that_file_and_its_line(tmp_path: Pat
     assert (first.file, first.line, first.key) == (str(tmp_path / "conf.d/a.toml"), 4, "axis.x.max_slpe")
     assert first.remedy == "did you mean max_slope?"
     assert (second.file, second.line, second.key) == (str(tmp_path / "conf.d/b.toml"), 2, "capture.keep")
+
+
+def test_a_link_that_leads_to_itself_is_named(tmp_path: Path) -> None:
+    path = site(tmp_path)
+    (tmp_path / "conf.d").mkdir(exist_ok=True)
+    link = tmp_path / "conf.d" / "loop.toml"
+    link.symlink_to(link.name)
+    (problem,) = refused(path)
+    assert (problem.file, problem.line, problem.key) == (str(path), 1, "include[1]")
+    assert problem.found.startswith(f"{link}: cannot be read (Too many levels of symbolic links)")
 
 
 def test_a_value_that_is_replaced_is_not_an_error(tmp_path: Path) -> None:
