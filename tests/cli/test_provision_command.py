@@ -1,9 +1,12 @@
 """``pitch-gateway provision``: a folder for each machine of a site, and what a second run leaves as it is."""
 
+import hashlib
 import json
 import re
+import shutil
 import stat
 import tomllib
+from base64 import b64decode
 from datetime import timedelta
 from pathlib import Path
 
@@ -357,12 +360,55 @@ def test_a_page_that_only_the_machine_sees_needs_neither_certificate_nor_target(
 def test_a_run_that_was_cut_off_goes_on(site: Path) -> None:
     """It has said in its record what it was about to write."""
     plant = made(site)
-    for name in ("machines/mill-1/server.pem", "machines/mill-2/mqtt.password", "ca/ca.pem", "hosts.json"):
+    for name in ("machines/mill-1/server.pem", "machines/mill-2/mqtt.password", "hosts.json"):
         (plant / name).unlink()
     result = provision(site)
     assert result.returncode == 0, result.stderr
     assert "machines/mill-1/server.key: changed (its certificate is not there)" in result.stdout
     load(plant / "machines/mill-1/gateway.toml")
+    assert provision(site).stdout.endswith("29 unchanged\n")
+
+
+def test_a_first_run_that_was_cut_off_in_the_authority_goes_on(site: Path) -> None:
+    plant = made(site)
+    for name in ("machines", "broker", "prometheus"):
+        shutil.rmtree(plant / name)
+    (plant / "ca/ca.pem").unlink()
+    result = provision(site)
+    assert result.returncode == 0, result.stderr
+    assert provision(site).stdout.endswith("29 unchanged\n")
+
+
+def test_an_authority_that_is_missing_is_not_replaced_unasked(site: Path) -> None:
+    plant = made(site)
+    (plant / "ca").rename(site.parent / "safe")
+    before = content(plant)
+    result = provision(site)
+    assert (result.returncode, content(plant)) == (1, before)
+    remedy = f"type: pitch-gateway certificate ca {plant / 'ca'}"
+    assert result.stderr.startswith(f"{plant / 'ca/ca.pem'}: no such file, but machines have certificates")
+    assert result.stderr.endswith(f"{remedy}\n")
+    assert typed(*remedy.partition("pitch-gateway ")[2].split()).returncode == 0
+    found = states(provision(site, "--json"))
+    assert {name for name in found if name.endswith("server.pem")} == {
+        "machines/mill-1/server.pem",
+        "machines/mill-2/server.pem",
+    }
+
+
+def test_of_two_runs_at_once_the_later_writes_nothing(site: Path, tmp_path: Path) -> None:
+    """Else machines would get certificates of two authorities."""
+    plant = site.parent / "plant"
+    (tmp_path / "work").mkdir()
+    others: list[Typed] = []
+
+    def say(step: str) -> None:
+        if step.startswith("mill-2"):  # all of mill-1 has been read
+            others.append(provision(site))
+
+    with pytest.raises(provisioning.ProvisionError, match="another run has written here meanwhile"):
+        provisioning.provision(Site(site), plant, now_utc(), tmp_path / "work", say)
+    assert [other.returncode for other in others] == [0]
     assert provision(site).stdout.endswith("29 unchanged\n")
 
 
@@ -388,7 +434,10 @@ MISTAKES = [
         "machine.mill-2.axis.x.counts_per_unt: mill-2: unknown",
     ),
     ('units = "mm"\n', "", "base.axis.x.units: all 2 machines: missing; needed: "),
-    ("[base.mqtt]", "[base.mqqt]", "base.mqqt: all 2 machines: unknown key; did you mean mqtt?"),
+    ("[base.mqtt]", "[base.mqqt]", "base.mqqt: unknown key; did you mean mqtt?"),
+    ("[site]", "base.mqqt = 1\n[site]", "base.mqqt: unknown key; did you mean mqtt?"),
+    ("[site]", "base.http = 1\n[site]", "base.http: all 2 machines: found 1; allowed: a table [http]"),
+    ("[base.mqtt]", "[[base.capture]]\n[base.mqtt]", "base.capture: all 2 machines: found "),
     ('labels = { hall = "3" }', "label = 1", "machine.mill-2.label: unknown key; did you mean labels?"),
     ('files = "one"', 'files = "two"', "machine.mill-1.files: there is no folder "),
     ("mill-1.plant", "mill 1", "machine.mill-1.hosts: found "),
@@ -399,6 +448,18 @@ MISTAKES = [
         "axis.x.counts_per_unit = 2000.0",
         "gateway.name = 'x'",
         "machine.mill-2.gateway.name: a name in a conf",
+    ),
+    ("[machine.mill-2]", "[machine.MILL-1]", "machine.MILL-1: there is also mill-1; choose names that"),
+    ("[machine.mill-2]", "[machine.all]", "machine.all: found the name all; choose another name"),
+    (
+        'labels = { hall = "3" }',
+        "hosts = ['Mill-1.plant']",
+        "machine.mill-2.hosts: Mill-1.plant is also the first of mill-1; write its own",
+    ),
+    (
+        'labels = { hall = "3" }',
+        r'mqtt.username = "x\ntopic readwrite #"',
+        r'machine.mill-2.mqtt.username: mill-2: found "x\ntopic readwrite #"; allowed: visible characters',
     ),
     ('host = "127.0.0.1"', "port = 70000", "base.mqtt.port: all 2 machines: found 70000; allowed: "),
 ]
@@ -436,6 +497,36 @@ def test_a_secret_that_everybody_may_read_is_refused(site: Path) -> None:
         f"{path}: mill-1: every user of this machine may read it (mode 0644); chmod o-r {path}"
         in result.stderr
     )
+
+
+@pytest.mark.parametrize("name", ["ca/ca.key", "prometheus/client.key", "broker/pitch-gateway.passwd"])
+def test_a_secret_of_the_site_that_everybody_may_read_is_refused(site: Path, name: str) -> None:
+    path = made(site) / name
+    path.chmod(0o644)
+    result = provision(site)
+    assert result.returncode == 1
+    assert f"{path}: every user of this machine may read it (mode 0644); chmod o-r {path}" in result.stderr
+
+
+def test_a_line_of_the_broker_that_was_damaged_counts_as_changed_by_hand(site: Path) -> None:
+    path = made(site) / "broker/pitch-gateway.passwd"
+    path.write_text(re.sub("^mill-1:.*", "mill-1:$7$0$A$B", path.read_text(), flags=re.MULTILINE))
+    result = provision(site)
+    assert result.returncode == 1
+    assert f"{path} mill-1: changed by hand" in result.stderr
+    path.write_bytes(b"\xff\n")
+    assert f"{path}: not UTF-8; save the file as UTF-8 text" in provision(site).stderr
+
+
+def test_a_password_of_the_site_may_begin_and_end_with_spaces(site: Path, tmp_path: Path) -> None:
+    """The gateway takes the whole line, and so does the hash."""
+    secret = tmp_path / "one/mqtt.password"
+    secret.write_text(" s:e#c+ \n")
+    secret.chmod(0o600)
+    line = (made(site) / "broker/pitch-gateway.passwd").read_text().splitlines()[0]
+    _, _, iterations, salt, digest = line.split("$")
+    derived = hashlib.pbkdf2_hmac("sha512", b" s:e#c+ ", b64decode(salt), int(iterations))
+    assert b64decode(digest) == derived
 
 
 @pytest.mark.parametrize(

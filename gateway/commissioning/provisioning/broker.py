@@ -5,6 +5,7 @@ import re
 import secrets
 from base64 import b64decode, b64encode
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from typing import Final
 
 from gateway.config.sections import Sections
@@ -21,11 +22,26 @@ ACCESS_HEAD: Final = """\
 """
 
 
+USER_RULE: Final = (
+    "allowed: visible characters without a colon, no # and no space at the beginning, no space at the end"
+)
+
+
+def is_user(name: str) -> bool:
+    r"""Whether the files of mosquitto can have a user of this name.
+
+    >>> [is_user(name) for name in ("mill-1", "Säge 1", "a:b", "#1", " a", "a\nuser b")]
+    [True, True, False, False, False, False]
+    """
+    return name.isprintable() and name == name.strip() and ":" not in name and not name.startswith("#")
+
+
 def password_line(user: str, password: str, before: str = "") -> str:
     """Return the line of a password file; ``before`` is the one that is there, and is kept if it is right."""
     old = _HASH.fullmatch(before.removeprefix(f"{user}:"))
-    if old is not None and _line(user, password, b64decode(old[2]), int(old[1])) == before:
-        return before
+    with suppress(ValueError):  # a salt or a number that was damaged
+        if old is not None and _line(user, password, b64decode(old[2]), int(old[1])) == before:
+            return before
     return _line(user, password, secrets.token_bytes(SALT_BYTES), ITERATIONS)
 
 

@@ -4,6 +4,7 @@ What this module wrote last is in ``RECORD``, by digest: a file with other conte
 stays as it is.
 """
 
+import fcntl
 import hashlib
 import json
 import os
@@ -27,7 +28,13 @@ from gateway.commissioning.certificates import (
     read_authority,
     why_renewed,
 )
-from gateway.commissioning.provisioning.broker import access_block, with_blocks, with_passwords
+from gateway.commissioning.provisioning.broker import (
+    USER_RULE,
+    access_block,
+    is_user,
+    with_blocks,
+    with_passwords,
+)
 from gateway.commissioning.provisioning.site import (
     AUTHORITY,
     CERTIFICATE,
@@ -44,13 +51,14 @@ from gateway.config.checks.services import check_http_files, check_mqtt
 from gateway.config.compile import leaves
 from gateway.config.findings import Document, Findings, parse_document
 from gateway.config.load import load_document
-from gateway.config.problems import ConfigErrors, Problem
+from gateway.config.problems import ConfigErrors, Problem, shown
 from gateway.config.sections import Sections
 from gateway.config.toml import KeyLines
 from gateway.config.toml_text import toml_text
 from gateway.files import FileMissingError, FileRefusedError, read_regular_file, write_file
 from gateway.plain import Json, JsonObject
 from gateway.secret_files import new_secret, refuse_open_to_others
+from gateway.state.interventions import locked
 from gateway.transport.endpoints import TcpEndpoint
 
 RECORD: Final = "provisioned.json"
@@ -194,6 +202,11 @@ def provision(
     _want_prometheus(folder, site, authority, sections)
     hosts = {machine.name: {"ansible_host": machine.hosts[0]} for machine in site.machines}
     folder.want(INVENTORY, Wanted(_json({"all": {"hosts": hosts}})))
+    opened = [
+        each for place in (AUTHORITY_FOLDER, BROKER, PROMETHEUS) for each in _open_secrets(folder, place)
+    ]
+    if opened:
+        raise ConfigErrors(opened, told)
     if not is_dry:
         _write(folder, say)
     return Provisioned(
@@ -214,6 +227,7 @@ def _authority(site: Site, folder: _Folder, work: Path) -> tuple[Signed, bytes]:
     where = site.authority or folder.path / AUTHORITY_FOLDER
     try:
         if site.authority is None and folder.there(f"{AUTHORITY_FOLDER}/{AUTHORITY}") is None:
+            _refuse_lost_authority(site, folder)
             where = work / AUTHORITY_FOLDER
             found_authority(where, lambda: make_authority(site.name, folder.now), folder.now)
         authority = read_authority(where, folder.now)
@@ -228,6 +242,18 @@ def _authority(site: Site, folder: _Folder, work: Path) -> tuple[Signed, bytes]:
     except FileRefusedError as error:
         raise ProvisionError(f"{where}: {error}") from None
     return authority, revoked
+
+
+def _refuse_lost_authority(site: Site, folder: _Folder) -> None:
+    """Refuse a folder without its authority: with another one every machine would need new files at once."""
+    names = (f"{MACHINES}/{machine.name}/{CERTIFICATE}" for machine in site.machines)
+    if any(name in folder.records and folder.there(name) is not None for name in names):
+        where = folder.path / AUTHORITY_FOLDER
+        raise ProvisionError(
+            f"{where / AUTHORITY}: no such file, but machines have certificates of this authority; bring "
+            f"{where} back; or for a new authority, and new certificates for all, move away what is left of "
+            f"{where} and type: pitch-gateway certificate ca {where}"
+        )
 
 
 def _want_files(folder: _Folder, site: Site, machine: Machine, authority: Signed, revoked: bytes) -> None:
@@ -248,12 +274,13 @@ def _want_files(folder: _Folder, site: Site, machine: Machine, authority: Signed
         wanted[KEY] = Wanted(key, is_secret=True, why=why)
         wanted[CERTIFICATE] = Wanted(certificate, why=why)
     secrets = {PASSWORD} if PASSWORD in named else set()
-    tokens = machine.configuration.get("http", {}).get("tokens", ())
-    for token in tokens if isinstance(tokens, list) else ():
+    http = machine.configuration.get("http")
+    tokens = http.get("tokens") if isinstance(http, dict) else None
+    for token in tokens if isinstance(tokens, list) else ():  # the check says what is wrong with others
         name = token.get("file") if isinstance(token, dict) else None
         if isinstance(name, str) and name == Path(name).name:
             secrets.add(name)
-    for name in sorted(secrets - set(given)):
+    for name in sorted(secrets - set(wanted)):  # never the configuration
         wanted[name] = Wanted(folder.secret(f"{place}/{name}"), is_secret=True)
     if AUTHORITY in named and AUTHORITY not in given:
         wanted[AUTHORITY] = Wanted(pem_of(authority)[0])
@@ -301,22 +328,30 @@ def _files_in(folder: Path) -> Iterator[tuple[str, Wanted]]:
         yield name.as_posix(), Wanted(content, is_secret, path)
 
 
+def _broker_user(sections: Sections) -> str:
+    """Return the user of a machine whose password is one of ours; "" if there is none."""
+    mqtt = sections.mqtt
+    return str(mqtt.username) if mqtt is not None and mqtt.password_file == PASSWORD else ""
+
+
 def _want_broker(folder: _Folder, sections: Mapping[str, Sections]) -> None:
     """Add the broker's files: a user and a block for each machine whose password is one of ours."""
     passwords, blocks = {}, {}
     for name, found in sections.items():
-        if found.mqtt is not None and found.mqtt.password_file == PASSWORD:
-            user = str(found.mqtt.username)
+        if user := _broker_user(found):
             if user in blocks:
                 raise ProvisionError(
                     f"{name}: mqtt.username is {user}, as of another machine; leave it out: each has its own"
                 )
             password = folder.wanted[f"{MACHINES}/{name}/{PASSWORD}"].content
-            passwords[user], blocks[user] = password.decode().strip(), access_block(name, found)
+            passwords[user], blocks[user] = password.decode().rstrip("\r\n"), access_block(name, found)
     for name, add, parts in ((PASSWORDS, with_passwords, passwords), (ACCESS, with_blocks, blocks)):
         if not parts:
             continue
-        before = (folder.there(name) or b"").decode()
+        try:
+            before = (folder.there(name) or b"").decode()
+        except UnicodeDecodeError:
+            raise ProvisionError(f"{folder.path / name}: not UTF-8; save the file as UTF-8 text") from None
 
         def choose(user: str, old: str | None, new: str, name: str = name) -> str:
             key = f"{name} {user}"
@@ -379,6 +414,8 @@ def _check(
         check_http_files(findings, sections.http, here, folder.now)
         check_tls_files(findings, sections, folder.now)
         problems, warnings = findings.problems, warnings + findings.warnings
+        if (user := _broker_user(sections)) and not is_user(user):
+            problems.append(Problem(str(path), "mqtt.username", f"found {shown(user)}", USER_RULE))
         if sections.gateway.name != machine.name:
             problems.append(
                 Problem(str(path), "gateway.name", sections.gateway.name, f"write {machine.name}")
@@ -444,17 +481,21 @@ def _write(folder: _Folder, say: Callable[[str], None]) -> None:
     path = folder.path / RECORD
     try:
         folder.path.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
-        if any(folder.there(name) != each.content for name, each in folder.wanted.items()):
-            _write_records(path, {**folder.records, **ours})
-            say("writing")
-        for name, each in folder.wanted.items():
-            path = folder.path / name
-            if folder.there(name) != each.content:
-                for parent in reversed(Path(name).parents):
-                    (folder.path / parent).mkdir(mode=FOLDER_MODE, exist_ok=True)
-                write_file(path, each.content, force=True, is_secret=each.is_secret)
-        path = folder.path / RECORD
-        _write_records(path, {**folder.records, **{name: [each] for name, each in folder.digests.items()}})
+        with locked(folder.path, fcntl.LOCK_EX):
+            if _read_records(path) != folder.records:
+                raise ProvisionError(f"{folder.path}: another run has written here meanwhile; run this again")
+            if any(folder.there(name) != each.content for name, each in folder.wanted.items()):
+                _write_records(path, {**folder.records, **ours})
+                say("writing")
+            for name, each in folder.wanted.items():
+                path = folder.path / name
+                if folder.there(name) != each.content:
+                    for parent in reversed(Path(name).parents):
+                        (folder.path / parent).mkdir(mode=FOLDER_MODE, exist_ok=True)
+                    write_file(path, each.content, force=True, is_secret=each.is_secret)
+            path = folder.path / RECORD
+            written = {name: [each] for name, each in folder.digests.items()}
+            _write_records(path, {**folder.records, **written})
     except OSError as error:
         raise ProvisionError(f"{path}: {error.strerror or error}; name a folder of your own") from None
     except FileRefusedError as error:

@@ -26,6 +26,8 @@ LISTEN: Final = "0.0.0.0:8480"
 
 _LABEL: Final = re.compile(r"(?!__)[A-Za-z_][A-Za-z0-9_]*")
 OWN_LABELS: Final = ("machine", "site")
+OF_ANSIBLE: Final = ("all", "ungrouped", "localhost")
+"""Two groups that each inventory has, and the computer on which Ansible runs."""
 
 
 def _check_labels(labels: dict[str, str]) -> dict[str, str]:
@@ -113,8 +115,12 @@ class Site:
             findings.refuse(("base",), f"found {shown(base)}", "allowed: sections, as in [base.line.x]")
         if not self._tables.get("machine"):
             findings.refuse(("machine",), "missing", "needed: at least one [machine.NAME]")
+        for key in base if isinstance(base, dict) else ():
+            if key not in SINGLE and key not in NAMED:
+                findings.refuse(("base", key), UNKNOWN_KEY, suggest(key, [*SINGLE, *NAMED]))
         own = self._own_sections()
         sections = read_named(_only_machine_keys(findings), "machine", MachineSection)
+        self._check_names(sections)
         findings.raise_if_any()
         assert section is not None, "what is wrong with it has been refused"
         self.name: Final = section.name
@@ -137,6 +143,26 @@ class Site:
                     self._findings.refuse(("machine", name, key), UNKNOWN_KEY, suggest(key, keys))
             found[name] = {key: raw[key] for key in raw if key in SINGLE or key in NAMED}
         return found
+
+    def _check_names(self, sections: Mapping[str, MachineSection]) -> None:
+        """Refuse machines that others would take for one another."""
+        names: dict[str, str] = {}
+        hosts: dict[str, str] = {}
+        for name, machine in sections.items():
+            if name.lower() in OF_ANSIBLE:
+                remedy = "choose another name: in an inventory of Ansible it is another thing"
+                self._findings.refuse(("machine", name), f"found the name {name}", remedy)
+            if (other := names.setdefault(name.lower(), name)) != name:
+                remedy = (
+                    "choose names that differ by more than capitals: not every file system tells them apart"
+                )
+                self._findings.refuse(("machine", name), f"there is also {other}", remedy)
+            host = machine.hosts[0] if machine.hosts else name
+            if (other := hosts.setdefault(host.lower(), name)) != name:
+                remedy = "write its own name or address first: what is for one machine would go to the other"
+                self._findings.refuse(
+                    ("machine", name, "hosts"), f"{host} is also the first of {other}", remedy
+                )
 
     def _machine(
         self, name: str, machine: MachineSection, site: SiteSection, own: Mapping[str, Any]
