@@ -283,7 +283,7 @@ TABLE_REJECTED: Final = AlarmEntry(
     "a table file is faulty: the last good table stays, if there was one",
     "a mistake in the file, or a table that does not fit the axis",
     "correct the file: it is read again when saved",
-    title="Table refused",
+    title="Table rejected",
 )
 TABLE_REMOVED: Final = AlarmEntry(
     "table-removed",

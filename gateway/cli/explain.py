@@ -109,7 +109,7 @@ def explain(
 ) -> None:
     """Explain an event, an error, a state or a counter: meaning, usual cause, remedy.
 
-    It knows the events of log, MQTT and page; the titles of the page ("Table refused"), in each of its
+    It knows the events of log, MQTT and page; the titles of the page ("Table rejected"), in each of its
     languages; the states of an axis; the counters of status, page and metrics; Modbus exceptions of drives
     and of the gateway, in any notation (0x0B, 0Bh, 11, "83 0B", ILLEGAL_DATA_ADDRESS) or by their log
     message; reasons why a relay does not start; remarks about tables (L8, R2); and the keys of the
@@ -123,7 +123,7 @@ def explain(
     Examples:
         pitch-gateway explain drive-silent
 
-        pitch-gateway explain "Table refused"
+        pitch-gateway explain "Table rejected"
 
         pitch-gateway explain 0x04
 

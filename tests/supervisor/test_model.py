@@ -765,7 +765,7 @@ def test_a_relay_of_an_older_release_says_nothing_of_controllers_and_misses_none
 def test_the_worst_trouble_decides_and_an_axis_that_it_does_not_name_stays_healthy() -> None:
     found = model(with_drive(SILENT, unit_id="2"), ReloadOutcome(rejected={"x": (REJECTED,)}))
     assert {**found["verdict"], "since": ""} == {"state": "error", "since": "", "errors": 2, "warnings": 0}
-    assert words_of(found["axes"]["x"]) == ("error", "table-rejected", "Table refused")
+    assert words_of(found["axes"]["x"]) == ("error", "table-rejected", "Table rejected")
     only = model(supervisor={**WELL, "mqtt": {"problem": "refused"}})
     assert (only["verdict"]["state"], words_of(only["axes"]["x"])[0]) == ("warning", "healthy")
 

@@ -122,7 +122,7 @@ def test_an_axis_whose_drive_is_silent_is_not_green_and_shows_where_it_was_seen(
         (verdict("waiting", "controller-awaited", "Waiting for the controller"), None, "state note"),
         (verdict("warning", "controller-absent", "No controller"), None, "state warning"),
         (verdict("warning", "configuration"), "Compensated", "state warning"),
-        (verdict("error", "table-rejected", "Table refused"), None, "state error"),
+        (verdict("error", "table-rejected", "Table rejected"), None, "state error"),
     ],
 )
 def test_an_axis_has_the_colour_and_the_words_of_its_verdict(
