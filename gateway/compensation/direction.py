@@ -15,9 +15,10 @@ class Direction(Enum):
     BACKWARD = -1
     UNKNOWN = 0
 
-    def __init__(self, sign: int) -> None:
-        self.goal = (sign + 1) / 2
+    @property
+    def goal(self) -> float:
         """Blend progress at which the branch of this direction is fully in force."""
+        return (self.value + 1) / 2
 
 
 class Travel(NamedTuple):

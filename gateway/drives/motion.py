@@ -48,14 +48,20 @@ class Action(Enum):
     UNKNOWN = "unknown"
     """The profile does not know this value: it is passed on, counted, and never corrected by guess."""
 
-    def __init__(self, key: str) -> None:
-        self.is_relative = key in ("relative", "relative_to_commanded", "relative_to_actual")
+    @property
+    def is_relative(self) -> bool:
         """Whether a position is a distance."""
-        self.runs_target = self.is_relative or key in ("absolute", "start", "follow")
+        return self in _RELATIVE
+
+    @property
+    def runs_target(self) -> bool:
         """Whether it starts a move to a written position."""
+        return self in _RUNS_TARGET
 
 
+_RELATIVE: Final = frozenset({Action.RELATIVE, Action.RELATIVE_TO_COMMANDED, Action.RELATIVE_TO_ACTUAL})
 _FOLLOWING: Final = frozenset({Action.FOLLOW, Action.FOLLOW_NEXT})
+_RUNS_TARGET: Final = _RELATIVE | {Action.ABSOLUTE, Action.START, Action.FOLLOW}
 
 
 class Addressing(Enum):

@@ -50,10 +50,6 @@ class RegisterType(Enum):
     INT64 = "int64"
     FLOAT32 = "float32"
 
-    def __init__(self, name: str) -> None:
-        self.is_float = name == "float32"
-        """Whether raw values are floating point numbers."""
-
     @property
     def words(self) -> int:
         """Number of registers of the type.
@@ -62,6 +58,11 @@ class RegisterType(Enum):
         3
         """
         return codec_of(self.value, low_first=False).words
+
+    @property
+    def is_float(self) -> bool:
+        """Whether raw values are floating point numbers."""
+        return self is RegisterType.FLOAT32
 
 
 class FieldAccess(Enum):
