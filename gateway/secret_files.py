@@ -6,7 +6,6 @@ systemd.exec(5)); every other name is a path, relative to the configuration file
 
 import os
 import re
-import secrets
 import stat
 from pathlib import Path
 from typing import Final
@@ -24,6 +23,8 @@ _CREDENTIAL: Final = re.compile(r"[A-Za-z0-9._-]{1,255}")
 
 def new_secret() -> bytes:
     """Return the content of a file with a new token or password: random, on one line."""
+    import secrets  # it loads random and hmac, which a relay does not need
+
     return f"{secrets.token_urlsafe(RANDOM_BYTES)}\n".encode()
 
 

@@ -41,7 +41,7 @@ def test_messages_knows_every_event_and_every_trouble(wanted: Mapping[Path, str]
 def test_messages_has_the_words_that_an_axis_on_the_page_shows() -> None:
     """A word that is its name with blanks is found by the name."""
     table = part("troubles")
-    assert "| `table-rejected` | error | *Table rejected*: a table file is faulty" in table
+    assert "| `record-not-used` |  | *Reads uncorrected*: it started without its record" in table
     for kind, entry in ALARMS.items():
         assert entry.title.lower() in ("", kind.replace("-", " ")) or f"*{entry.title}*" in table
 

@@ -40,7 +40,7 @@ TARGETS: Final[dict[str, Target]] = {
     "mbap": Target(mbap.streams, mbap.seeds, 1024),
     "exchange": Target(exchange.traffic, exchange.seeds, 2048),
     "readings": Target(readings.files, readings.seeds, 6144),
-    "configuration": Target(configuration.files, configuration.seeds, 20_480, configuration.words),
+    "configuration": Target(configuration.files, configuration.seeds, 24_576, configuration.words),
     "mqtt": Target(mqtt_messages.messages, mqtt_messages.seeds, 2048, mqtt_messages.words),
     "http": Target(http_requests.requests, http_requests.seeds, 4096, http_requests.words),
     **{f"tables-{name}": Target(*tables.target_of(name), 4096) for name in tables.DIALECT_NAMES},
