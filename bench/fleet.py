@@ -534,8 +534,8 @@ def _paper(default: Figures, tuned: Figures) -> Iterator[str]:
     retained = 3 + AXES
     yield ""
     yield (
-        "Nobody has run this. One broker on one machine does not carry it by default; a cluster of brokers "
-        "with the settings *tuned* has room."
+        "This is arithmetic, not a measurement. One broker on one machine does not carry it by default; a "
+        "cluster of brokers with the settings *tuned* has room."
     )
     yield ""
     yield "| what | setting |"
